@@ -1,0 +1,108 @@
+"""Vision-based pose of a wheel-hub with several pegs: the paper's method, its audit, and better.
+
+The package follows the paper "Vision Based Pose Estimation of Multiple Peg-in-Hole for Robotic
+Assembly" step by step.  Data flow one way::
+
+    image  -> mask -> circles -> discs -> labelled pegs -> pose
+    boards -> corners -> stage 1 (Tsai) -> stage 2 (genetic) -> camera
+
+Conventions, the same everywhere
+--------------------------------
+Units
+    millimetres, radians, pixels.  The distortion coefficient ``kappa1`` is in mm^-2 on the sensor.
+Image frame
+    x to the right, y down; the centre of the first pixel is (0, 0).
+Camera frame
+    x to the right, y down, z forward along the optical axis; origin in the centre of projection.
+Board frame
+    origin in the first corner, x along a row, y along a column, the corners in the plane z = 0.
+Hub frame
+    origin in the hub's centre in the plane of the peg tops, x towards peg 1, z away from the camera
+    (into the hub).  Peg k stands at 2 pi (k - 1)/n about z: clockwise on the screen.  With four pegs
+    the screws stand at -pi/4 and 3 pi/4 from peg 1.
+Poses
+    ``a_from_b`` is a `scipy.spatial.transform.RigidTransform` that takes coordinates in frame b to
+    coordinates in frame a: ``cam_from_board.apply(points)``.
+Points
+    rows of (n, 2) or (n, 3) float64 arrays.
+Images
+    (height, width) uint8 arrays.
+Distortion
+    `TsaiCamera` *undistorts*, x_u = x_d (1 + kappa1 r_d^2) (Eq. 3); OpenCV *distorts*,
+    x_d = x_u (1 + k1 r_u^2 + ...).  The signs are opposite: k1 is about -kappa1 f^2.
+Residuals
+    projected minus measured, px, (n, 2).
+Randomness
+    an argument ``rng``, passed to `numpy.random.default_rng`; no function draws from a global state.
+
+Glossary
+--------
+=================  ======================================================  ==============================
+name               paper                                                   unit, shape
+=================  ======================================================  ==============================
+object_points      x_w, y_w, z_w                                           mm, (n, 3)
+image_points       x_f, y_f (projected), x_i, y_i (measured)               px, (n, 2)
+focal_length       f                                                       mm
+pixel_pitch        d_x, d_y                                                mm/px, pair
+principal_point    centre of the frame                                     px, pair
+scale_x            uncertainty scaling factor                              1
+kappa1             k_1 (Eq. 3)                                             mm^-2, undistorting
+camera_matrix      -                                                       OpenCV's, px, (3, 3)
+dist_coeffs        -                                                       OpenCV's, distorting, (5,)
+mean_distance      E_rms (Eq. 7, in truth a mean of distances)             px
+rms                -                                                       px, sqrt of the mean squared 2-D
+                                                                           distance (OpenCV's)
+axis_std           -                                                       px, (2,), standard deviation per
+                                                                           axis (the MATLAB toolbox's)
+=================  ======================================================  ==============================
+
+Unusable input raises `ValueError` that names the argument; `DetectionError` says that a picture does
+not show what was looked for; `CalibrationError` that the data do not determine the answer.
+
+Importing ``pegpose_lab`` itself imports nothing beyond the standard library, so that
+``python3 -m pegpose_lab`` starts on a bare Python; the names below are loaded on first use.
+"""
+
+import importlib
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "DetectionError": "checks",
+    "CalibrationError": "checks",
+    "TsaiCamera": "camera",
+    "OpenCVCamera": "camera",
+    "Checkerboard": "targets",
+    "Hub": "targets",
+    "render_board": "render",
+    "render_hub": "render",
+    "Segmentation": "segmentation",
+    "segment": "segmentation",
+    "Circles": "circles",
+    "find_circles": "circles",
+    "Discs": "edges",
+    "fit_discs": "edges",
+    "find_corners": "corners",
+    "PegObservation": "pegs",
+    "locate_pegs": "pegs",
+    "track_pegs": "pegs",
+    "Calibration": "calibration",
+    "calibrate_tsai": "calibration",
+    "calibrate_genetic": "calibration",
+    "calibrate_zhang": "calibration",
+    "calibrate_joint": "calibration",
+    "HubPose": "pose",
+    "estimate_pose": "pose",
+}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name):
+    if name in _HOME:
+        return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__():
+    return sorted([*globals(), *_HOME])

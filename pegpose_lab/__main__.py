@@ -1,0 +1,216 @@
+"""The commands of the laboratory: ``python3 -m pegpose_lab COMMAND``.
+
+A bare Python can start this file: it and `environment` import the standard library only.  Every command
+first makes ``.venv`` in the checkout (or finds it current) and then runs itself again with that folder's
+Python, where the packages pinned in ``environment.txt`` are.
+"""
+
+import argparse
+import fnmatch
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from . import environment
+from .environment import CHECKOUT
+
+OLDEST_PYTHON = (3, 11)
+CELL_TIMEOUT = 600  # s; a notebook's slowest cell takes a small part of it
+
+# The same digits on every machine: one thread in each linear-algebra library, sets in one order, and
+# the kernels of .venv before those that a user has registered.
+FIXED_VARIABLES = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "PYTHONHASHSEED": "0",
+    "JUPYTER_PREFER_ENV_PATH": "1",
+}
+# What would put other packages, other kernels or another plotting backend before the pinned ones.
+DROPPED_VARIABLES = ("PYTHONPATH", "PYTHONHOME", "JUPYTER_PATH", "MPLBACKEND")
+
+
+# --- commands -----------------------------------------------------------------------------------
+
+
+def _setup(options):
+    if not environment.set_up():
+        print(f"{environment.VENV} is current.")
+    return 0
+
+
+def _reproduce(options):
+    """Run the notebooks, move what they wrote into place, and compare it with the paper."""
+    from pegpose_lab import running
+
+    notebooks = _choose(options.notebooks)
+    try:
+        running.reproduce(
+            notebooks,
+            options.output,
+            known_results=CHECKOUT / "data" / "results" if options.notebooks else None,
+            cell_timeout=CELL_TIMEOUT,
+            update=options.update_notebooks,
+        )
+    except running.NotebookError as error:
+        print(f"\n{error}\n\nNothing was written to {options.output}.", file=sys.stderr)
+        return 1
+    return _report(options)
+
+
+def _choose(patterns):
+    """The notebooks whose names begin with one of the patterns, all without any; in order."""
+    notebooks = sorted((CHECKOUT / "notebooks").glob("[0-9]*.ipynb"))
+    chosen = set()
+    for pattern in patterns or ["*"]:
+        found = {path for path in notebooks if fnmatch.fnmatch(path.stem, Path(pattern).stem + "*")}
+        if not found:
+            names = ", ".join(path.stem for path in notebooks)
+            raise SystemExit(f"No notebook's name begins with {pattern!r}; there are: {names or 'none'}.")
+        chosen |= found
+    return sorted(chosen)
+
+
+def _report(options):
+    """Compare the results with the paper, in claims.csv, in the README and on the screen."""
+    from pegpose_lab import claims
+
+    table = claims.write_claims(options.output / "data" / "results")
+    if options.output == CHECKOUT:
+        claims.update_readme(CHECKOUT / "README.md", table)
+    print(claims.format_table(table))
+    return 0
+
+
+def _test(options):
+    """Run the unit tests, and every notebook against its stored outputs."""
+    import pytest
+
+    from pegpose_lab import running
+
+    os.chdir(CHECKOUT)
+    with running.scratch_output(CHECKOUT / "data" / "results") as output:
+        os.environ.update(PEGPOSE_OUTPUT=str(output), IPYTHONDIR=str(output / "ipython"))
+        return int(
+            pytest.main(
+                ["-n", str(running.WORKERS), "--dist", "loadscope"]
+                + ["--nbval", "--nbval-current-env", "--nbval-cell-timeout", str(CELL_TIMEOUT)]
+                + ["--nbval-sanitize-with", str(CHECKOUT / "pegpose_lab" / "tests" / "nbval_sanitize.cfg")]
+                + options.extra
+            )
+        )
+
+
+def _lab(options):
+    """Open JupyterLab on the notebooks; what they write goes into the checkout."""
+    where = [f"--ServerApp.root_dir={CHECKOUT}", "--LabApp.default_url=/lab/tree/notebooks"]
+    return _become([sys.executable, "-m", "jupyterlab", *where, *options.extra])
+
+
+# --- command line -------------------------------------------------------------------------------
+
+
+def _parser():
+    parser = argparse.ArgumentParser(
+        prog="python3 -m pegpose_lab",
+        description="Reproduce the paper, and test that it is reproduced. Each command first makes .venv in the "
+        "checkout with the packages pinned in environment.txt, or finds it current.",
+    )
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+
+    setup = commands.add_parser("setup", help="make or update .venv only")
+    setup.set_defaults(run=_setup)
+
+    reproduce = commands.add_parser(
+        "reproduce",
+        help="run the notebooks, write figures and results, print the claims table",
+        description="Run the notebooks outside the tree, two at a time. Once all of them have succeeded, move "
+        "their figures and results into place and print each of the paper's numbers beside ours.",
+    )
+    reproduce.add_argument(
+        "--output",
+        type=_folder,
+        default=CHECKOUT,
+        metavar="DIR",
+        help="write DIR/figures and DIR/data/results (default: the checkout)",
+    )
+    reproduce.add_argument(
+        "--notebooks",
+        nargs="+",
+        metavar="NAME",
+        help="run these only: names, beginnings of names (03) or patterns (0[1-3]*); "
+        "the others' results are taken as they are",
+    )
+    reproduce.add_argument(
+        "--update-notebooks",
+        action="store_true",
+        help="also store the outputs in the notebooks: the way in which committed outputs are made",
+    )
+    reproduce.set_defaults(run=_reproduce)
+
+    test = commands.add_parser(
+        "test",
+        help="run the unit tests, and the notebooks against their stored outputs",
+        epilog="Arguments after -- go to pytest:  test -- -k camera",
+    )
+    test.set_defaults(run=_test)
+
+    lab = commands.add_parser(
+        "lab",
+        help="open JupyterLab on the notebooks",
+        epilog="Arguments after -- go to JupyterLab:  lab -- --no-browser",
+    )
+    lab.set_defaults(run=_lab)
+    return parser
+
+
+def _folder(text):
+    return Path(text).resolve()
+
+
+def _parse(arguments):
+    """Parse the command line; what stands after ``--`` is handed on as it is."""
+    parser = _parser()
+    dashes = arguments.index("--") if "--" in arguments else len(arguments)
+    options = parser.parse_args(arguments[:dashes])
+    options.extra = arguments[dashes + 1 :]
+    if options.extra and options.command not in ("test", "lab"):
+        parser.error(f"{options.command} takes no arguments after --")
+    return options
+
+
+def _become(command):
+    """Go on as another program; where the system cannot (Windows), run it and return its exit code."""
+    sys.stdout.flush()
+    if os.name != "nt":
+        os.execv(command[0], command)
+    return subprocess.call(command)
+
+
+def main(arguments=None):
+    """Run one command; return the exit code (0 done, 1 failed, 2 wrong command line, 130 interrupted)."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if sys.version_info < OLDEST_PYTHON:
+        wanted, found = (".".join(map(str, version[:2])) for version in (OLDEST_PYTHON, sys.version_info))
+        raise SystemExit(f"pegpose_lab needs Python {wanted} or newer; this is Python {found} ({sys.executable}).")
+    options = _parse(arguments)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # clean up as on Ctrl-C
+    for name in DROPPED_VARIABLES:
+        os.environ.pop(name, None)
+    os.environ.update(FIXED_VARIABLES)
+    try:
+        if options.run is _setup:
+            return _setup(options)
+        environment.set_up()
+        if not environment.is_active():
+            return _become([str(environment.python()), "-m", "pegpose_lab", *arguments])
+        return options.run(options)
+    except KeyboardInterrupt:
+        print("\nInterrupted: nothing half-written was left behind.", file=sys.stderr)
+        return 128 + signal.SIGINT
+
+
+if __name__ == "__main__":
+    sys.exit(main())

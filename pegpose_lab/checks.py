@@ -1,0 +1,83 @@
+"""What every public function demands of its input, and the package's errors."""
+
+import numpy as np
+
+
+class DetectionError(RuntimeError):
+    """A picture does not show what was looked for; the message says what was seen and what to change."""
+
+
+class CalibrationError(RuntimeError):
+    """The data do not determine the camera; the message says why and what to measure instead."""
+
+
+def as_image(image, name="image"):
+    """Return `image` as a C-contiguous (height, width) uint8 array.
+
+    Raises
+    ------
+    ValueError
+        If it is not a two-dimensional, non-empty array of 8-bit grey values.
+    """
+    array = np.asarray(image)
+    if array.ndim != 2 or array.size == 0 or array.dtype != np.uint8:
+        raise ValueError(
+            f"{name} has shape {array.shape} and type {array.dtype}; expected a non-empty (height, width) "
+            "picture of type uint8 (convert colour with cv2.cvtColor, 16 bits by scaling to 0..255)"
+        )
+    return np.ascontiguousarray(array)
+
+
+def as_points(points, dimension, name, minimum=1):
+    """Return `points` as an (n, dimension) float64 array with n >= minimum and finite values only.
+
+    Raises
+    ------
+    ValueError
+        If the shape, the number of points or a value is unusable.
+    """
+    try:
+        array = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is not an array of numbers; expected shape (n, {dimension})") from error
+    if array.ndim != 2 or array.shape[1] != dimension or len(array) < minimum:
+        raise ValueError(f"{name} has shape {array.shape}; expected (n, {dimension}) with n >= {minimum}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} of shape {array.shape} has NaN or infinite values; expected finite numbers")
+    return array
+
+
+def as_matched_points(object_points, image_points, minimum=1):
+    """Return one view's (n, 3) object points and (n, 2) image points, checked to be of one length.
+
+    Raises
+    ------
+    ValueError
+        If either is unusable (see `as_points`) or their lengths differ.
+    """
+    object_points = as_points(object_points, 3, "object_points", minimum)
+    image_points = as_points(image_points, 2, "image_points", minimum)
+    if len(object_points) != len(image_points):
+        raise ValueError(
+            f"object_points has {len(object_points)} rows and image_points {len(image_points)}; "
+            "expected one image point for each object point"
+        )
+    return object_points, image_points
+
+
+def as_number(value, name, minimum=-np.inf, maximum=np.inf, *, exclusive=False):
+    """Return `value` as a finite float within [minimum, maximum] (without the ends if `exclusive`).
+
+    Raises
+    ------
+    ValueError
+        If it is not such a number.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} is {value!r}; expected a number") from error
+    inside = minimum < number < maximum if exclusive else minimum <= number <= maximum
+    if not (np.isfinite(number) and inside):
+        raise ValueError(f"{name} is {number:g}; expected a finite number between {minimum:g} and {maximum:g}")
+    return number

@@ -1,0 +1,184 @@
+"""Making the environment that everything runs in: ``.venv`` in the checkout, from ``environment.txt``.
+
+Like ``__main__.py`` this file has to run on a bare Python: it imports the standard library only.
+"""
+
+import hashlib
+import importlib.util
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import time
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+LOCK = CHECKOUT / "environment.txt"
+VENV = CHECKOUT / ".venv"
+STAMP_NAME = "pegpose_lab.json"
+
+
+class SetUpError(SystemExit):
+    """There is no environment to be had; the message says why and what to do."""
+
+
+def set_up():
+    """Make `.venv`, or bring it up to date; return whether there was anything to do.
+
+    A stamp in the folder says which lock, Python and checkout it was made for.  It is emptied before
+    the first change and written after the last, so that a set-up that was broken off is never taken
+    for a complete one: the next one starts afresh.
+
+    Raises
+    ------
+    SetUpError
+        If there is no environment to be had; left to itself it ends the program with its message.
+    """
+    wanted, found = _wanted_stamp(), _read_stamp()
+    if found == wanted and _is_whole():
+        return False
+    update = VENV.exists() and _can_update(found, wanted)
+    if VENV.exists() and not update:
+        _remove()
+    start = time.monotonic()
+    print(f"Setting up {VENV} from {LOCK.name}; this can take a minute or two ...", flush=True)
+    _write_stamp({})
+    try:
+        if not update:
+            _make_venv()
+        _install()
+        _write_path_file()
+    except BaseException as error:
+        if not update:
+            _remove()
+        elif isinstance(error, SetUpError):  # the installers change nothing before all is at hand
+            _write_stamp(found)
+        raise
+    _write_stamp(wanted)
+    print(f"Set-up done in {time.monotonic() - start:.0f} s.", flush=True)
+    return True
+
+
+def python():
+    """The Python of `.venv`."""
+    return VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+
+def is_active():
+    """Whether this very process runs in `.venv`."""
+    return Path(sys.prefix).resolve() == VENV.resolve()
+
+
+def _wanted_stamp():
+    """What the environment has to be made for: lock, kind of Python, place."""
+    try:
+        lock = LOCK.read_bytes()
+    except FileNotFoundError:
+        raise SetUpError(f"{LOCK} is missing: run this command from a checkout of the project.") from None
+    return {
+        "lock": hashlib.sha256(lock).hexdigest(),
+        "python": sys.implementation.cache_tag,
+        "checkout": str(CHECKOUT),
+    }
+
+
+def _read_stamp():
+    """What `.venv` was made for: None without a stamp, empty after a set-up that was broken off."""
+    try:
+        return json.loads((VENV / STAMP_NAME).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except ValueError:
+        return {}
+
+
+def _write_stamp(stamp):
+    """Replace the stamp in one step; None takes it away."""
+    VENV.mkdir(exist_ok=True)
+    target = VENV / STAMP_NAME
+    if stamp is None:
+        target.unlink(missing_ok=True)
+        return
+    part = target.with_suffix(".part")
+    part.write_text(json.dumps(stamp), encoding="utf-8")
+    os.replace(part, target)
+
+
+def _can_update(found, wanted):
+    """Whether installing into `.venv` is enough: it is whole, of this kind of Python, made here."""
+    if found is not None:
+        return _is_whole() and {**found, "lock": wanted["lock"]} == wanted
+    if _venv_tag() == wanted["python"]:
+        return True
+    raise SetUpError(
+        f"{VENV} was not made by this command and has no working Python {sys.version_info[0]}."
+        f"{sys.version_info[1]}. Move it away or delete it, then run this command again."
+    )
+
+
+def _venv_tag():
+    """The kind of Python in a `.venv` of unknown origin, None if that does not run or lacks pip."""
+    code = "import pip, sys; print(sys.implementation.cache_tag)"
+    try:
+        return subprocess.check_output([python(), "-c", code], stderr=subprocess.DEVNULL, text=True).strip()
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def _is_whole():
+    return python().exists() and (VENV / "pyvenv.cfg").exists()
+
+
+def _remove():
+    """Delete `.venv`, the emptied stamp last: what is left if this is broken off is known for a ruin."""
+    _write_stamp({})
+    for path in VENV.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        elif path.name != STAMP_NAME:
+            path.unlink()
+    shutil.rmtree(VENV)
+
+
+def _make_venv():
+    """Make an empty `.venv` with pip, by the first tool that is found and works."""
+    base = getattr(sys, "_base_executable", None) or sys.executable
+    uv, virtualenv = shutil.which("uv"), shutil.which("virtualenv")
+    commands = []
+    if uv:
+        commands.append([uv, "venv", "--quiet", "--seed", "--allow-existing", "--python", base, VENV])
+    if importlib.util.find_spec("venv") and importlib.util.find_spec("ensurepip"):
+        commands.append([base, "-m", "venv", VENV])
+    if virtualenv:
+        commands.append([virtualenv, "--quiet", "--python", base, VENV])
+    if not commands:
+        version = ".".join(map(str, sys.version_info[:2]))
+        raise SetUpError(
+            "This Python cannot make virtual environments: its module 'venv' or 'ensurepip' is missing.\n"
+            f"On Debian or Ubuntu install it with  sudo apt install python{version}-venv  (or python3-venv),\n"
+            "elsewhere install uv (https://docs.astral.sh/uv) or virtualenv. Then run this command again."
+        )
+    _run_first(commands, f"Making {VENV}")
+
+
+def _install():
+    """Install the lock, with uv where that is found and works, else with pip."""
+    uv = shutil.which("uv")
+    commands = [[python(), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", LOCK]]
+    if uv:
+        commands.insert(0, [uv, "pip", "install", "--quiet", "--python", python(), "-r", LOCK])
+    _run_first(commands, f"Installing {LOCK.name}")
+
+
+def _run_first(commands, task):
+    """Run commands until one succeeds."""
+    if all(subprocess.call(command) for command in commands):
+        raise SetUpError(f"{task} failed; the lines above say why. Once that is mended, run the command again.")
+
+
+def _write_path_file():
+    """Make the checkout importable from every folder, in kernels too."""
+    packages = sysconfig.get_path("purelib", "venv", {"base": str(VENV), "platbase": str(VENV)})
+    Path(packages, "pegpose_lab.pth").write_bytes(os.fsencode(CHECKOUT) + b"\n")

@@ -1,0 +1,88 @@
+"""Where notebooks put what they find: tables as CSV and LaTeX, and single values for the claims.
+
+Everything is written below one folder: the one that the environment variable ``PEGPOSE_OUTPUT`` names, else
+the checkout.  A file is written under a temporary name and then renamed, so a reader never meets half a file.
+"""
+
+import os
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+import pandas as pd
+
+from .checks import as_number
+
+_LATEX = {character: "\\" + character for character in "&%_#${}"} | {
+    "\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"
+}
+
+PROJECT_FOLDER = Path(__file__).resolve().parents[1]
+
+
+def output_folder():
+    """Folder below which figures/ and data/results/ are written."""
+    return Path(os.environ.get("PEGPOSE_OUTPUT") or PROJECT_FOLDER)
+
+
+@contextmanager
+def replacing(path):
+    """Yield a temporary path beside `path`; rename it to `path` if the block succeeds, else remove it."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=".", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    try:
+        yield Path(name)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def save_table(name, table, *, decimals=4):
+    """Write a DataFrame as data/results/<name>.csv and .tex, numbers rounded to `decimals`."""
+    folder = output_folder() / "data" / "results"
+    rounded = table.round(decimals)
+    with replacing(folder / f"{name}.csv") as path:
+        rounded.to_csv(path, index=False, lineterminator="\n")
+    with replacing(folder / f"{name}.tex") as path:
+        path.write_text(latex(rounded), encoding="utf-8")
+
+
+def save_values(notebook, values, *, digits=6):
+    """Write our values of printed numbers, {claim id: number}, as data/results/<notebook>_values.csv.
+
+    Raises
+    ------
+    ValueError
+        If a value is not a finite number.
+    """
+    values = {identifier: as_number(value, f"values[{identifier!r}]") for identifier, value in values.items()}
+    rows = pd.DataFrame({"id": list(values), "ours": [float(f"{value:.{digits}g}") for value in values.values()]})
+    with replacing(output_folder() / "data" / "results" / f"{notebook}_values.csv") as path:
+        rows.to_csv(path, index=False, lineterminator="\n")
+
+
+def load_values(folder=None):
+    """Read back every saved value below `folder` (data/results by default) as one Series, indexed by claim id."""
+    folder = Path(folder) if folder else output_folder() / "data" / "results"
+    tables = [pd.read_csv(path, index_col="id")["ours"] for path in sorted(folder.glob("*_values.csv"))]
+    return pd.concat(tables) if tables else pd.Series(dtype=float, name="ours")
+
+
+def latex(table):
+    """Return a DataFrame as a booktabs tabular."""
+    columns = "l" * table.select_dtypes(exclude="number").shape[1] + "r" * table.select_dtypes("number").shape[1]
+    rows = [[_latex_cell(value) for value in row] for row in table.itertuples(index=False)]
+    lines = [" & ".join(cells) + r" \\" for cells in [[_latex_cell(name) for name in table.columns], *rows]]
+    return "\n".join(
+        [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:], r"\bottomrule",
+         r"\end{tabular}", ""]
+    )
+
+
+def _latex_cell(value):
+    """One cell as LaTeX text."""
+    text = f"{value:g}" if isinstance(value, float) else str(value)
+    return "".join(_LATEX.get(character, character) for character in text)

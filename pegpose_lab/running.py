@@ -1,0 +1,207 @@
+"""Running the notebooks outside the tree, and moving what they wrote into place.
+
+A notebook writes figures to ``figures/`` and tables to ``data/results/`` below the folder that the
+environment variable ``PEGPOSE_OUTPUT`` names (the checkout where it is unset).  Here that folder is a
+temporary one; its files are moved to their place when every notebook has run to its end, each in one
+step, so that nothing half-written is ever seen there.
+"""
+
+import asyncio
+import os
+import re
+import shutil
+import tempfile
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, contextmanager, suppress
+from copy import deepcopy
+from pathlib import Path
+
+import nbformat
+from ipykernel.kernelspec import RESOURCES, get_kernel_dict
+from jupyter_client.kernelspec import KernelSpecManager
+from jupyter_client.manager import AsyncKernelManager
+from nbclient import NotebookClient
+from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
+from tqdm import tqdm
+
+from .results import replacing
+
+WORKERS = 2
+FIRST_READER = 8  # from this number on notebooks read the results of the earlier ones
+FOLDERS = ("figures", "data/results")
+
+_COLOUR = re.compile(r"\x1b\[[0-9;]*m")
+
+
+class NotebookError(RuntimeError):
+    """A notebook did not run to its end; the message names it and shows the failing cell."""
+
+
+def reproduce(notebooks, output, *, known_results=None, cell_timeout=600, update=False):
+    """Run notebooks and move their figures and results below `output`.
+
+    Parameters
+    ----------
+    notebooks : list of Path
+        They run two at a time in this order; those numbered 08 and up after all others, whose results
+        they read.
+    output : Path
+        The folder whose ``figures`` and ``data/results`` are written, after the last notebook.
+    known_results : Path, optional
+        Results of notebooks that are not run, for those that read them.
+    cell_timeout : float
+        The time that a single cell may take, in s.
+    update : bool
+        Store the outputs in the notebooks too, without what changes from run to run.
+
+    Raises
+    ------
+    NotebookError
+        If a notebook fails; `output` and the notebooks are then as they were.
+    """
+    with scratch_output(known_results) as scratch:
+        executed = _execute_all(notebooks, scratch, cell_timeout)
+        _publish(scratch, Path(output))
+    if update:
+        for path, notebook in zip(notebooks, executed, strict=True):
+            with replacing(path) as part:
+                part.write_text(to_text(notebook), encoding="utf-8")
+
+
+@contextmanager
+def scratch_output(known_results=None):
+    """A temporary folder to be named by ``PEGPOSE_OUTPUT``, holding a copy of known results."""
+    with tempfile.TemporaryDirectory(prefix="pegpose_", ignore_cleanup_errors=True) as folder:
+        for name in FOLDERS:
+            Path(folder, name).mkdir(parents=True)
+        if known_results is not None and Path(known_results).is_dir():
+            shutil.copytree(known_results, Path(folder, "data/results"), dirs_exist_ok=True)
+        yield Path(folder)
+
+
+# --- execution ----------------------------------------------------------------------------------
+
+
+def _execute_all(paths, scratch, cell_timeout):
+    """Execute notebooks, readers last; return them in the order of `paths`."""
+    notebooks = {path: nbformat.read(path, as_version=4) for path in paths}
+    cells = sum(cell.cell_type == "code" for notebook in notebooks.values() for cell in notebook.cells)
+    with tqdm(total=cells, unit="cell", desc="notebooks", disable=None) as bar:
+        crew = _Crew(scratch, cell_timeout, bar)
+        for late in (False, True):
+            crew.run({path: notebook for path, notebook in notebooks.items() if _is_reader(path) == late})
+    return list(notebooks.values())
+
+
+def _is_reader(path):
+    number = re.match(r"\d+", path.name)
+    return number is not None and int(number[0]) >= FIRST_READER
+
+
+class _OwnPython(KernelSpecManager):
+    """Kernels of this very Python, whatever kernels are registered elsewhere under its name."""
+
+    def get_kernel_spec(self, kernel_name):
+        return self.kernel_spec_class(resource_dir=RESOURCES, **get_kernel_dict())
+
+
+class _Crew:
+    """Executes notebooks in threads, a kernel each; the first failure ends them all."""
+
+    def __init__(self, scratch, cell_timeout, bar):
+        self.scratch = scratch
+        self.cell_timeout = cell_timeout
+        self.bar = bar
+        self.stopped = threading.Event()
+        self.managers = []
+
+    def run(self, notebooks):
+        """Execute ``{path: notebook}`` in place."""
+        with ThreadPoolExecutor(WORKERS) as pool:
+            jobs = [pool.submit(self._execute, path, notebook) for path, notebook in notebooks.items()]
+            try:
+                for job in as_completed(jobs):
+                    job.result()
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                self._stop()
+                raise
+
+    def _execute(self, path, notebook):
+        """Execute one notebook; raise NotebookError with all there is to say if it fails."""
+        manager = AsyncKernelManager(kernel_spec_manager=_OwnPython())
+        self.managers.append(manager)
+        client = NotebookClient(
+            notebook,
+            km=manager,
+            resources={"metadata": {"path": str(self.scratch)}},
+            timeout=self.cell_timeout,
+            startup_timeout=120,
+            iopub_timeout=60,
+            raise_on_iopub_timeout=True,
+            record_timing=False,
+            store_widget_state=False,
+            coalesce_streams=True,
+            extra_arguments=["--log-level=ERROR"],
+            on_cell_execute=self._check,
+            on_cell_executed=self._count,
+        )
+        start = time.monotonic()
+        try:
+            asyncio.run(client.async_execute(cleanup_kc=True, env=self._environment()))
+        except (CellExecutionError, CellTimeoutError, DeadKernelError, RuntimeError) as error:
+            reason = _COLOUR.sub("", str(error)).strip()
+            raise NotebookError(f"{path.name}, code cell {client.code_cells_executed}: {reason}") from error
+        self.bar.write(f"{path.name:<32}{time.monotonic() - start:6.1f} s")
+
+    def _environment(self):
+        """The kernels' variables: where to write, and no settings of the user's IPython."""
+        return {**os.environ, "PEGPOSE_OUTPUT": str(self.scratch), "IPYTHONDIR": str(self.scratch / "ipython")}
+
+    def _check(self, **_):
+        if self.stopped.is_set():
+            raise RuntimeError("stopped with the others")
+
+    def _count(self, **_):
+        self.bar.update()
+
+    def _stop(self):
+        """End every kernel at once; their threads end when they notice."""
+        self.stopped.set()
+        for manager in self.managers:
+            process = getattr(manager.provisioner, "process", None)
+            if process is not None:
+                with suppress(ProcessLookupError):
+                    process.kill()
+
+
+# --- results ------------------------------------------------------------------------------------
+
+
+def _publish(scratch, output):
+    """Copy every file beside its place, then move them all there: each is whole at any time."""
+    with ExitStack() as moves:
+        for name in FOLDERS:
+            for source in sorted((scratch / name).rglob("*")):
+                if source.is_file():
+                    part = moves.enter_context(replacing(output / source.relative_to(scratch)))
+                    shutil.copyfile(source, part)
+
+
+def to_text(notebook):
+    """A notebook's file, without what differs from run to run or machine to machine.
+
+    Taken away are time stamps, versions and the models of widgets; a widget is stored as its text.
+    """
+    notebook = deepcopy(notebook)
+    notebook.metadata = {
+        "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+        "language_info": {"name": "python"},
+    }
+    for cell in notebook.cells:
+        cell.metadata.pop("execution", None)
+        for output in cell.get("outputs", []):
+            output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
+    return nbformat.writes(notebook) + "\n"

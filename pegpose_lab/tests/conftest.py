@@ -1,0 +1,43 @@
+"""What all tests share: where they may write, where third-party data are, how hypothesis runs."""
+
+import os
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+from pegpose_lab import running
+from pegpose_lab.__main__ import CHECKOUT, FIXED_VARIABLES
+
+# No deadlines: a busy machine is no bug. On CI the same examples every time.
+settings.register_profile("pegpose_lab", deadline=None, derandomize=bool(os.environ.get("CI")))
+settings.load_profile("pegpose_lab")
+
+
+def pytest_configure(config):
+    """Give each test process a folder of its own for what notebooks write, with the results they read."""
+    for name, value in FIXED_VARIABLES.items():
+        os.environ.setdefault(name, value)
+    stack = ExitStack()
+    output = stack.enter_context(running.scratch_output(CHECKOUT / "data" / "results"))
+    os.environ["PEGPOSE_OUTPUT"] = str(output)
+    config.add_cleanup(stack.close)
+
+
+def data_folder(variables):
+    """The folder of third-party data; skips the test where it is not named, and fails it on CI."""
+    folder = variables.get("PEGPOSE_DATA")
+    if folder:
+        if not Path(folder).is_dir():
+            pytest.fail(f"PEGPOSE_DATA names {folder!r}, which is no folder")
+        return Path(folder)
+    if variables.get("CI"):
+        pytest.fail("PEGPOSE_DATA is not set: on CI tests of third-party data are never skipped")
+    pytest.skip("PEGPOSE_DATA does not name a folder of third-party data")
+
+
+@pytest.fixture(scope="session")
+def pegpose_data():
+    """The folder of third-party data (Path)."""
+    return data_folder(os.environ)

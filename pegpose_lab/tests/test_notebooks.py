@@ -1,0 +1,132 @@
+"""Every notebook is stored as one run from top to bottom, in a form that the next run repeats.
+
+What the cells print is compared by nbval; here is tested what nbval does not see: outputs that are missing,
+cells that were run out of order, what belongs to one machine only.
+"""
+
+import ast
+import re
+
+import nbformat
+import pytest
+from IPython.core.inputtransformer2 import TransformerManager
+
+from pegpose_lab.__main__ import CHECKOUT
+from pegpose_lab.running import to_text
+
+NOTEBOOKS = sorted((CHECKOUT / "notebooks").glob("*.ipynb"))
+LONGEST_CELL = 15
+PRINTING = {"print", "display", "digest"}
+MACHINE_PATH = re.compile(r"(?<![\w.])/(home|root|Users|tmp|work|opt|usr|var|mnt|private)/|\b[A-Z]:\\")
+
+
+@pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem, scope="module")
+def notebook(request):
+    return nbformat.read(request.param, as_version=4)
+
+
+def _code_cells(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def test_all_steps_are_there():
+    assert [path.stem[:2] for path in NOTEBOOKS] == [f"{k + 1:02d}" for k in range(len(NOTEBOOKS))]
+    assert {
+        "01_segmentation",
+        "02_circle_detection",
+        "03_tsai_calibration",
+        "04_genetic_stage",
+        "05_zhang_baseline",
+        "06_peg_pose",
+        "07_error_histograms",
+        "08_paper_audit",
+    } <= {path.stem for path in NOTEBOOKS}
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_stored_by_the_command(path):
+    """As ``reproduce --update-notebooks`` writes it: no time stamps, versions or widget models."""
+    text = path.read_text(encoding="utf-8")
+    assert text == to_text(nbformat.reads(text, as_version=4)), (
+        "run: python3 -m pegpose_lab reproduce --update-notebooks"
+    )
+
+
+def test_is_valid(notebook):
+    nbformat.validate(notebook)
+    assert len({cell.id for cell in notebook.cells}) == len(notebook.cells)
+
+
+def test_is_one_run_from_top_to_bottom(notebook):
+    counts = [cell.execution_count for cell in _code_cells(notebook)]
+    assert counts == list(range(1, len(counts) + 1))
+
+
+def test_printing_cells_have_outputs(notebook):
+    silent = [cell.source for cell in _code_cells(notebook) if _prints(cell.source) and not cell.outputs]
+    assert silent == []
+
+
+def test_has_no_errors_and_no_warnings(notebook):
+    outputs = [output for cell in _code_cells(notebook) for output in cell.outputs]
+    assert [output for output in outputs if output.output_type == "error" or output.get("name") == "stderr"] == []
+
+
+def test_every_cell_is_tested(notebook):
+    for cell in _code_cells(notebook):
+        assert "NBVAL_SKIP" not in cell.source
+        assert not {"nbval-skip", "raises-exception"} & set(cell.metadata.get("tags", []))
+
+
+def test_names_no_path_of_a_machine(notebook):
+    texts = [cell.source for cell in notebook.cells]
+    for output in (output for cell in _code_cells(notebook) for output in cell.outputs):
+        texts.append(output.get("text", ""))
+        texts += [str(value) for kind, value in output.get("data", {}).items() if kind.startswith("text/")]
+    assert [text for text in texts if MACHINE_PATH.search(text) or str(CHECKOUT) in text] == []
+
+
+def test_cells_are_short(notebook):
+    lengths = {
+        cell.source: sum(bool(line.strip()) for line in cell.source.splitlines()) for cell in _code_cells(notebook)
+    }
+    assert [source for source, length in lengths.items() if length > LONGEST_CELL] == []
+
+
+def _prints(source):
+    """Whether a cell prints each time it runs: a call of a printing function outside functions and branches."""
+    nodes = list(ast.parse(TransformerManager().transform_cell(source)).body)
+    for node in nodes:
+        if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", None)) in PRINTING:
+            return True
+        if not isinstance(node, (ast.If, ast.Try, ast.FunctionDef, ast.ClassDef, ast.Lambda)):
+            nodes.extend(ast.iter_child_nodes(node))
+    return False
+
+
+@pytest.mark.parametrize(
+    ("source", "expected"),
+    [
+        ("print(1)", True),
+        ("%matplotlib inline\nfor k in range(2):\n    plotting.digest(a=k)", True),
+        ("x = 1\nfig, ax = figure()", False),
+        ("def show():\n    print(1)", False),
+        ("if found:\n    print(1)", False),
+    ],
+)
+def test_printing_cells_are_recognised(source, expected):
+    assert _prints(source) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("/home/ann/x", True),
+        (r"C:\Users\ann", True),
+        ("see '/tmp/x'", True),
+        ("data/results/x.csv", False),
+        ("mm/px/", False),
+    ],
+)
+def test_paths_of_machines_are_recognised(text, expected):
+    assert bool(MACHINE_PATH.search(text)) == expected
