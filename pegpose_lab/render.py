@@ -1,0 +1,429 @@
+"""Pictures of the targets through a camera, by casting rays, with exact truth.
+
+A ray goes out of every pixel's centre and meets the scene.  Where neighbouring pixels show different parts of
+it, many rays sample the area of each quarter of the pixel, so that an edge lies where geometry puts it and not
+where a raster does.  Then come the lens's blur (on the quarters: between whole pixels its effect would depend on
+where in a pixel an edge lies), the sensor's noise and the rounding to 8 bits.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from .checks import as_number
+
+_SAMPLES, _STRIDE = 34, 21  # rays in a quarter of a pixel at an edge: a Fibonacci lattice, even along every direction
+_CHUNK = 400_000  # rays at a time: keeps temporary arrays in the cache
+
+
+@dataclass(frozen=True)
+class BoardLook:
+    """Grey values (0..255) of a board: its black and white squares, and what lies around it."""
+
+    black: float = 30.0
+    white: float = 220.0
+    surroundings: float = 120.0
+    margin: float = 0.5  # white rim around the squares, in squares
+
+
+@dataclass(frozen=True)
+class HubLook:
+    """Grey values (0..255) of a hub's parts, and how uneven the base is.
+
+    `texture` is the amplitude of the turning marks on the base, `shading` the relative change of its level
+    across the hub's radius, `wall_shading` that of the pegs' side walls around the peg.
+    """
+
+    peg: float = 165.0
+    wall: float = 58.0
+    base: float = 62.0
+    bore: float = 150.0
+    screw: float = 140.0
+    background: float = 40.0
+    texture: float = 1.5
+    shading: float = 0.05
+    wall_shading: float = 0.1
+
+
+def render_board(camera, cam_from_board, board, *, look=BoardLook(), blur=0.9, noise=2.0, rng=None):
+    """Render a checkerboard.
+
+    Parameters
+    ----------
+    camera : TsaiCamera or OpenCVCamera
+    cam_from_board : RigidTransform
+    board : Checkerboard
+    look : BoardLook
+    blur : float
+        Standard deviation of the Gaussian blur, px.
+    noise : float
+        Standard deviation of the noise, grey values.
+    rng : seed or Generator
+
+    Returns
+    -------
+    (height, width) uint8 ndarray
+
+    Raises
+    ------
+    ValueError
+        If the board lies behind the camera, or a parameter is unusable.
+    """
+    blur = as_number(blur, "blur", 0, 100)
+    camera.project(board.object_points, cam_from_board)  # raises if a corner is behind the camera
+    view = _View(cam_from_board)
+
+    def shade(directions):
+        x, y = view.on_plane(directions, 0.0) / board.square + 1
+        column, row = np.floor(x), np.floor(y)
+        part = ((column + row) % 2).astype(np.uint8)
+        part[_outside(x, board.columns + 1, 0) | _outside(y, board.rows + 1, 0)] = 1
+        part[_outside(x, board.columns + 1, look.margin) | _outside(y, board.rows + 1, look.margin)] = 2
+        return np.take(np.float32([look.black, look.white, look.surroundings]), part), part
+
+    return _expose(_cast(camera, shade, blur), noise, rng)
+
+
+def render_hub(
+    camera, cam_from_hub, hub, *, look=HubLook(), blur=0.9, noise=2.0, highlights=0.0, clutter=0, occlusion=0.0, rng=None
+):
+    """Render a hub: textured base with bore and screws, peg tops, and the pegs' side walls in perspective.
+
+    Parameters
+    ----------
+    camera : TsaiCamera or OpenCVCamera
+    cam_from_hub : RigidTransform
+    hub : Hub
+    look : HubLook
+    blur : float
+        Standard deviation of the Gaussian blur, px.
+    noise : float
+        Standard deviation of the noise, grey values.
+    highlights : float
+        Brightness (grey values) of one specular spot on the rim of each peg top, and of one beside it.
+    clutter : int
+        Number of bars and discs (swarf) that lie on the base and around the hub, under the pegs.
+    occlusion : float
+        Part of peg 1's diameter that a dark bar in front of it hides, 0..1.
+    rng : seed or Generator
+        Places highlights and clutter, then draws the noise.
+
+    Returns
+    -------
+    (height, width) uint8 ndarray
+
+    Raises
+    ------
+    ValueError
+        If the hub is behind the camera or seen from below, or a parameter is unusable.
+    """
+    rng = np.random.default_rng(rng)
+    blur = as_number(blur, "blur", 0, 100)
+    camera.project(np.vstack([hub.peg_centers, hub.screw_centers]), cam_from_hub)
+    view = _View(cam_from_hub)
+    if view.origin[2] >= 0:
+        raise ValueError("cam_from_hub shows the hub from below: its z axis has to point away from the camera")
+    spots = _place_spots(hub, as_number(highlights, "highlights", 0), rng)
+    swarf = _place_swarf(hub, int(as_number(clutter, "clutter", 0, 10_000)), rng)
+    covered = as_number(occlusion, "occlusion", 0, 1)
+
+    def shade(directions):
+        top, base = view.on_plane(directions, 0.0), view.on_plane(directions, hub.peg_height)
+        grey, part = _shade_base(base, hub, look)
+        _lay_swarf(base, swarf, grey, part)
+        _raise_pegs(top, base, hub, look, grey, part)
+        _add_spots(top, spots, grey, part)
+        _cover(top, hub, covered, look, grey, part)
+        return grey, part
+
+    box = _bounding_box(camera, cam_from_hub, hub, swarf, margin=int(5 * blur) + 3)
+    return _expose(_cast(camera, shade, blur, box, look.background), noise, rng)
+
+
+@dataclass(frozen=True)
+class TrueDisc:
+    """Exact image of a disc: the centroid (2,) px of its area, the area px^2, and sqrt(area / pi) px."""
+
+    centroid: np.ndarray
+    area: float
+    radius: float
+
+
+def true_disc(camera, cam_from_object, center, radius):
+    """Return the exact image of a disc that lies in a plane z = const of an object's frame.
+
+    The centroid is that of the imaged area, which is not the image of the disc's centre.
+
+    Parameters
+    ----------
+    camera : TsaiCamera or OpenCVCamera
+    cam_from_object : RigidTransform
+    center : (3,) array_like
+        mm, in the object's frame.
+    radius : float
+        mm.
+
+    Returns
+    -------
+    TrueDisc
+    """
+    outline = disc_outline(camera, cam_from_object, center, radius, 2000)
+    origin = outline.mean(axis=0)
+    x, y = (outline - origin).T
+    x_next, y_next = np.roll(x, -1), np.roll(y, -1)
+    cross = x * y_next - x_next * y
+    area = cross.sum() / 2
+    centroid = np.array([np.sum((x + x_next) * cross), np.sum((y + y_next) * cross)]) / (6 * area)
+    return TrueDisc(origin + centroid, abs(area), float(np.sqrt(abs(area) / np.pi)))
+
+
+def disc_outline(camera, cam_from_object, center, radius, n_points=100):
+    """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame."""
+    angles = np.linspace(0, 2 * np.pi, n_points, endpoint=False)
+    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(n_points)])
+    return camera.project(np.asarray(center) + as_number(radius, "radius", 0) * rim, cam_from_object)
+
+
+class _View:
+    """Where undistorted directions (2, n) of the camera, (x/z, y/z), meet planes z = const of an object's frame.
+
+    Points are (2, n) arrays of float32 from here on: exact to 0.0001 px, and half the memory.
+    """
+
+    def __init__(self, cam_from_object):
+        object_from_cam = cam_from_object.inv()
+        self.origin = object_from_cam.translation
+        self.rotation = object_from_cam.rotation.as_matrix()
+
+    def on_plane(self, directions, z):
+        """Return x and y (2, n), mm; a ray that runs away from the plane ends far outside."""
+        side = np.sign(z - self.origin[2])
+        x, y, slope = np.float32(side * self.rotation[:, :2]) @ directions + np.float32(side * self.rotation[:, 2:])
+        distance = np.float32(abs(z - self.origin[2])) / np.maximum(slope, np.float32(1e-6))
+        origin = np.float32(self.origin)
+        return np.stack([origin[0] + distance * x, origin[1] + distance * y])
+
+
+def _dot(a, b):
+    """Scalar products (n,) of the columns of two (2, n) arrays."""
+    return a[0] * b[0] + a[1] * b[1]
+
+
+def _offset(points, center):
+    """Points (2, n) as seen from `center`."""
+    return np.stack([points[0] - float(center[0]), points[1] - float(center[1])])
+
+
+def _outside(coordinate, end, margin):
+    return (coordinate < -margin) | (coordinate >= end + margin)
+
+
+# ---- what a ray meets: each function changes `grey` and `part` in place, from the back to the front ----
+
+_BACKGROUND, _BASE, _BORE, _SCREW, _WALL, _COVER, _TOP, _SWARF = 0, 1, 2, 3, 4, 5, 10, 100
+
+
+def _shade_base(points, hub, look):
+    """Base plane: background, turned base with shading and texture, bore, screws."""
+    x, y = points
+    squared_radius = _dot(points, points)
+    on_base = np.flatnonzero(squared_radius < hub.radius**2)
+    grey = np.full(len(x), look.background, np.float32)
+    grey[on_base] = _turned_metal(x[on_base], y[on_base], hub, look)
+    part = np.zeros(len(x), np.uint8)
+    part[on_base] = _BASE
+    _paint(squared_radius < hub.bore_radius**2, look.bore, _BORE, grey, part)
+    for center in hub.screw_centers:
+        offset = _offset(points, center)
+        _paint(_dot(offset, offset) < hub.screw_radius**2, look.screw, _SCREW, grey, part)
+    return grey, part
+
+
+def _turned_metal(x, y, hub, look):
+    """Level of the base: a slope of brightness, turning marks and a coarser pattern."""
+    level = look.base * (1 + look.shading * (0.8 * x + 0.6 * y) / hub.radius)
+    if look.texture == 0:
+        return level
+    marks = np.sin((2 * np.pi / 2.3) * np.sqrt(x * x + y * y))
+    return level + look.texture * (marks + 0.7 * np.sin(0.9 * x + 0.4 * y) * np.sin(0.5 * y - 0.7 * x))
+
+
+def _raise_pegs(top, base, hub, look, grey, part):
+    """Pegs: the ray passes from `top` to `base`; it meets a top, or else a wall if it comes near enough."""
+    longest = np.sqrt(max(_dot(base - top, base - top).max(initial=0), 0))
+    reach = hub.peg_radius + float(longest)
+    for index, center in enumerate(hub.peg_centers):
+        near = np.flatnonzero((np.abs(top[0] - float(center[0])) < reach) & (np.abs(top[1] - float(center[1])) < reach))
+        start, leg = _offset(top[:, near], center), base[:, near] - top[:, near]
+        along = np.clip(-_dot(start, leg) / np.maximum(_dot(leg, leg), np.float32(1e-30)), 0, 1)
+        nearest = start + along * leg
+        on_top = _dot(start, start) < hub.peg_radius**2
+        on_wall = (_dot(nearest, nearest) < hub.peg_radius**2) & ~on_top
+        grey[near[on_wall]] = _wall_level(start[:, on_wall], leg[:, on_wall], hub, look)
+        part[near[on_wall]] = _WALL
+        grey[near[on_top]] = look.peg
+        part[near[on_top]] = _TOP + index
+
+
+def _wall_level(start, leg, hub, look):
+    """Lambert's law with a lamp towards -x: brightness follows the wall's normal where the ray meets it."""
+    a, b, c = _dot(leg, leg), _dot(start, leg), _dot(start, start) - hub.peg_radius**2
+    fraction = (-b - np.sqrt(np.maximum(b * b - a * c, 0))) / np.maximum(a, np.float32(1e-30))
+    normal_x = (start[0] + fraction * leg[0]) / hub.peg_radius
+    return look.wall * (1 - look.wall_shading * normal_x)
+
+
+def _place_spots(hub, brightness, rng):
+    """Specular spots (n, 4): x, y, standard deviation in mm, brightness; first one on each peg, then one beside it."""
+    if brightness == 0:
+        return np.empty((0, 4))
+    angles = rng.uniform(0, 2 * np.pi, 2 * hub.n_pegs)
+    distances = np.repeat([0.7, 1.05], hub.n_pegs) + rng.uniform(0, [0.3, 0.25], (hub.n_pegs, 2)).T.ravel()
+    along = np.column_stack([np.cos(angles), np.sin(angles)])
+    centers = np.tile(hub.peg_centers[:, :2], (2, 1)) + hub.peg_radius * distances[:, None] * along
+    sizes = hub.peg_radius * rng.uniform(0.1, 0.25, len(centers))
+    return np.column_stack([centers, sizes, np.full(len(centers), brightness)])
+
+
+def _add_spots(top, spots, grey, part):
+    """Spots brighten metal: those on a peg (the first half) its top only, the others what lies around it."""
+    on_top = (part >= _TOP) & (part < _SWARF)
+    on_metal = (part > 0) & ~on_top
+    for index, (x, y, size, brightness) in enumerate(spots):
+        where = np.flatnonzero(on_top if index < len(spots) // 2 else on_metal)
+        offset = _offset(top[:, where], (x, y))
+        squared = _dot(offset, offset)
+        close = squared < (5 * size) ** 2
+        grey[where[close]] += brightness * np.exp(-squared[close] / (2 * size**2))
+
+
+def _place_swarf(hub, count, rng):
+    """Bars and discs (n, 6): x, y, angle, half length, half width (0: a disc), grey value."""
+    radius = hub.radius * 1.3 * np.sqrt(rng.uniform(0, 1, count))
+    angle = rng.uniform(0, 2 * np.pi, count)
+    half_width = np.where(rng.uniform(size=count) < 0.3, 0.0, rng.uniform(0.4, 2.0, count))
+    half_length = np.where(half_width == 0, rng.uniform(1, 4, count), rng.uniform(3, 15, count))
+    place = [radius * np.cos(angle), radius * np.sin(angle), rng.uniform(0, np.pi, count)]
+    return np.column_stack([*place, half_length, half_width, rng.uniform(30, 200, count)])
+
+
+def _lay_swarf(base, swarf, grey, part):
+    """Swarf lies on the base plane."""
+    for index, (x, y, angle, half_length, half_width, level) in enumerate(swarf):
+        reach = half_length + half_width
+        near = np.flatnonzero((np.abs(base[0] - float(x)) < reach) & (np.abs(base[1] - float(y)) < reach))
+        offset = _offset(base[:, near], (x, y))
+        along = np.abs(_dot(offset, (np.cos(angle), np.sin(angle))))
+        across = np.abs(_dot(offset, (-np.sin(angle), np.cos(angle))))
+        bar = (along < half_length) & (across < half_width)
+        inside = near[bar if half_width > 0 else np.hypot(along, across) < half_length]
+        grey[inside] = level
+        part[inside] = _SWARF + index % 150
+
+
+def _cover(top, hub, fraction, look, grey, part):
+    """A dark bar along y hides the outer `fraction` of peg 1."""
+    if fraction > 0:
+        edge = hub.pitch_circle_diameter / 2 + hub.peg_radius * (1 - 2 * fraction)
+        _paint((top[0] > edge) & (top[0] < edge + 4 * hub.peg_radius), 0.5 * look.base, _COVER, grey, part)
+
+
+def _paint(where, level, number, grey, part):
+    grey[where] = level
+    part[where] = number
+
+
+# ---- from rays to pixels ----
+
+
+def _bounding_box(camera, cam_from_hub, hub, swarf, margin):
+    """Rows and columns (top, bottom, left, right) of the picture that show anything but background."""
+    reach = max([hub.radius, hub.pitch_circle_diameter / 2 + hub.peg_radius, *(np.hypot(*swarf.T[:2]) + swarf[:, 3])])
+    outlines = [disc_outline(camera, cam_from_hub, (0, 0, z), reach) for z in (0.0, hub.peg_height)]
+    low = np.floor(np.min(np.vstack(outlines), axis=0)).astype(int) - margin
+    high = np.ceil(np.max(np.vstack(outlines), axis=0)).astype(int) + margin
+    width, height = camera.image_size
+    left, right = np.clip([low[0], high[0]], 0, width)
+    top, bottom = np.clip([low[1], high[1]], 0, height)
+    return top, bottom, left, right
+
+
+def _cast(camera, shade, blur, box=None, background=0.0):
+    """Mean grey value of every pixel's area through the blurring lens, float32.
+
+    Only the pixels within `box` are cast, the rest is `background`.
+    """
+    width, height = camera.image_size
+    image = np.full((height, width), background, np.float32)
+    top, bottom, left, right = box or (0, height, 0, width)
+    if top < bottom and left < right:
+        grey, part = _cast_centers(shade, _pixel_directions(camera)[:, top:bottom, left:right])
+        quarters = cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+        y, x = np.nonzero(_borders(part))
+        samples = _sample_quarters(camera, shade, np.column_stack([x + left, y + top]))
+        quarters[2 * y[:, None] + [0, 0, 1, 1], 2 * x[:, None] + [0, 1, 0, 1]] = samples
+        blurred = _blur(quarters, 2 * blur)
+        image[top:bottom, left:right] = cv2.resize(blurred, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    return image
+
+
+def _cast_centers(shade, directions):
+    """Grey value and part (height, width) that the rays of the pixels' centres meet."""
+    shape = directions.shape[1:]
+    grey, part = np.empty(shape, np.float32), np.empty(shape, np.uint8)
+    step = max(1, _CHUNK // shape[1])
+    for row in range(0, shape[0], step):
+        rows = slice(row, row + step)
+        level, number = shade(directions[:, rows].reshape(2, -1))
+        grey[rows], part[rows] = level.reshape(-1, shape[1]), number.reshape(-1, shape[1])
+    return grey, part
+
+
+def _borders(part):
+    """Pixels of which a neighbour (of eight) shows another part."""
+    kernel = np.ones((3, 3), np.uint8)
+    highest = cv2.dilate(part, kernel, borderType=cv2.BORDER_REPLICATE)
+    return highest != cv2.erode(part, kernel, borderType=cv2.BORDER_REPLICATE)
+
+
+def _sample_quarters(camera, shade, pixels):
+    """Mean grey values (n, 4) over the quarters of `pixels` (n, 2): upper left, upper right, lower left, lower right."""
+    index = np.arange(_SAMPLES)
+    lattice = np.column_stack([index + 0.5, (index * _STRIDE + 0.5) % _SAMPLES]) / _SAMPLES / 2
+    offsets = (np.array([(-0.5, -0.5), (0, -0.5), (-0.5, 0), (0, 0)])[:, None, :] + lattice).reshape(-1, 2)
+    grey = np.empty((len(pixels), 4), np.float32)
+    step = max(1, _CHUNK // len(offsets))
+    for first in range(0, len(pixels), step):
+        points = (pixels[first : first + step, None, :] + offsets).reshape(-1, 2)
+        values = shade(camera.to_normalized(points).T.astype(np.float32))[0]
+        grey[first : first + step] = values.reshape(-1, 4, _SAMPLES).mean(axis=2)
+    return grey
+
+
+@lru_cache(maxsize=2)
+def _pixel_directions(camera):
+    """Undistorted directions (2, height, width) of a camera's pixel centres."""
+    width, height = camera.image_size
+    y, x = np.mgrid[:height, :width]
+    directions = camera.to_normalized(np.column_stack([x.ravel(), y.ravel()]).astype(float))
+    return directions.T.reshape(2, height, width).astype(np.float32)
+
+
+def _blur(image, sigma):
+    """Gaussian blur, cut at 4.5 standard deviations."""
+    if sigma == 0:
+        return image
+    taps = np.arange(-np.ceil(4.5 * sigma), np.ceil(4.5 * sigma) + 1)
+    weights = np.exp(-0.5 * (taps / sigma) ** 2)
+    kernel = (weights / weights.sum()).astype(np.float32)
+    return cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE)
+
+
+def _expose(image, noise, rng):
+    """Add the sensor's noise, round to 8 bits."""
+    noise = as_number(noise, "noise", 0, 255)
+    if noise > 0:
+        image = image + np.float32(noise) * np.random.default_rng(rng).standard_normal(image.shape, np.float32)
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)

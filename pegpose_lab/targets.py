@@ -1,0 +1,121 @@
+"""Geometry of what the camera looks at: a checkerboard, and a wheel-hub with pegs (Sect. 4)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .checks import as_number
+
+
+@dataclass(frozen=True)
+class Checkerboard:
+    """A checkerboard of columns x rows inner corners.
+
+    The board frame has its origin in the first corner, x along a row and y along a column.
+
+    Parameters
+    ----------
+    columns, rows : int
+        Inner corners along x and y, at least 2 each.
+    square : float
+        Pitch of the corners, mm.
+
+    Raises
+    ------
+    ValueError
+        If a number is not usable.
+    """
+
+    columns: int = 8
+    rows: int = 6
+    square: float = 29.0
+
+    def __post_init__(self):
+        for name in ("columns", "rows"):
+            if as_number(getattr(self, name), name, 2) != int(getattr(self, name)):
+                raise ValueError(f"{name} is {getattr(self, name)}; expected a whole number")
+        as_number(self.square, "square", 0, exclusive=True)
+
+    @property
+    def object_points(self):
+        """(rows * columns, 3) mm, row by row, in the plane z = 0."""
+        y, x = np.mgrid[: self.rows, : self.columns] * float(self.square)
+        return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+
+    @property
+    def center(self):
+        """Middle of the corners (3,), mm in the board frame."""
+        return self.object_points.mean(axis=0)
+
+
+@dataclass(frozen=True)
+class Hub:
+    """A wheel-hub: pegs on a pitch circle, a bore in the middle, two screws in the gaps between pegs.
+
+    The hub frame has its origin in the hub's centre in the plane of the peg tops, x towards peg 1 and z
+    away from the camera; the base, with bore and screws, lies at z = `peg_height`.  Table 2 gives the
+    pitch circle (its four pegs, at 0.207 mm/px) and Table 3 the radius of a peg; the rest is not printed.
+
+    Parameters
+    ----------
+    n_pegs : int
+        At least 3.
+    pitch_circle_diameter, peg_radius, peg_height, bore_radius, screw_radius, screw_circle_diameter, radius : float
+        mm; `radius` is the base's outer radius.
+    screw_angles : tuple of float
+        rad about z from peg 1; the first belongs to the gap before peg 1.  By default the middles of
+        the gap between the last peg and peg 1, and of the one opposite to it.
+
+    Raises
+    ------
+    ValueError
+        If a number is not usable, or parts overlap.
+    """
+
+    n_pegs: int = 4
+    pitch_circle_diameter: float = 97.05
+    peg_radius: float = 10.1
+    bore_radius: float = 18.0
+    screw_radius: float = 4.5
+    peg_height: float = 20.0
+    screw_circle_diameter: float = 80.0
+    radius: float = 68.0
+    screw_angles: tuple = None
+
+    def __post_init__(self):
+        if as_number(self.n_pegs, "n_pegs", 3) != int(self.n_pegs):
+            raise ValueError(f"n_pegs is {self.n_pegs}; expected a whole number")
+        for name in ("pitch_circle_diameter", "peg_radius", "bore_radius", "screw_radius", "screw_circle_diameter"):
+            as_number(getattr(self, name), name, 0, exclusive=True)
+        as_number(self.peg_height, "peg_height", 0)
+        as_number(self.radius, "radius", self.pitch_circle_diameter / 2)
+        if self.screw_angles is None:
+            gap = 2 * np.pi / self.n_pegs
+            object.__setattr__(self, "screw_angles", (-gap / 2, gap * (self.n_pegs // 2) - gap / 2))
+        if self.peg_radius >= self.pitch_circle_diameter / 2 * np.sin(np.pi / self.n_pegs):
+            raise ValueError(f"peg_radius is {self.peg_radius:g} mm; {self.n_pegs} such pegs overlap on the pitch circle")
+
+    @property
+    def peg_angles(self):
+        """(n_pegs,) rad about z: 2 pi (k - 1)/n for peg k."""
+        return 2 * np.pi * np.arange(self.n_pegs) / self.n_pegs
+
+    @property
+    def peg_centers(self):
+        """Centres of the peg tops (n_pegs, 3), mm in the hub frame, z = 0."""
+        return _on_circle(self.pitch_circle_diameter / 2, self.peg_angles, 0.0)
+
+    @property
+    def screw_centers(self):
+        """Centres of the screws (n_screws, 3), mm in the hub frame, z = peg_height."""
+        return _on_circle(self.screw_circle_diameter / 2, np.asarray(self.screw_angles), self.peg_height)
+
+    @property
+    def bore_center(self):
+        """Centre of the bore (3,), mm in the hub frame."""
+        return np.array([0.0, 0.0, self.peg_height])
+
+
+def _on_circle(radius, angles, z):
+    """Points (n, 3) at `angles` on a circle about the z axis."""
+    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(len(angles), z)])
