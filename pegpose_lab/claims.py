@@ -1,0 +1,250 @@
+"""Printed value, our value, verdict and reason, for every number that the paper prints.
+
+The printed numbers come from `paper`, ours from the values that notebooks saved (`results.save_values`), and the
+rule that joins them from data/paper/claims.csv: a row holds for each id that matches its pattern.  Rules:
+
+=========  =======================================================================================
+input      the number was adopted, so nothing can be said of it: always "not determined"
+within     |ours - paper| <= tolerance
+at most    ours <= paper
+mean       as within; the tolerance is the 95 % interval of a mean of that many frames (Table 3's sd)
+sd         as within; the tolerance is the 95 % interval of a standard deviation of that many frames
+share      as within; the tolerance is the binomial 95 % interval for the setup's number of corners
+=========  =======================================================================================
+
+A number that meets its rule is "reproduced".  One that does not gets the verdict in the column `otherwise`.  That
+is "contradicted" only where printed numbers alone decide; where the result also depends on something that is not
+printed it is "not determined".  With "range", the values ``<id>.low`` and ``<id>.high`` tell what our result spans
+over what is not printed: a printed number inside the span is "not determined", one outside "contradicted".
+"""
+
+import functools
+import re
+import textwrap
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from . import paper, results
+
+VERDICTS = ("reproduced", "contradicted", "not determined")
+NOT_COMPUTED = "not computed: run the notebooks"
+COLUMNS = ["id", "where", "quantity", "paper", "ours", "difference", "tolerance", "unit", "verdict", "reason"]
+
+_BEGIN, _END = "<!-- claims:begin -->", "<!-- claims:end -->"
+_LEVEL = 0.975  # two-sided 95 %
+_ROUNDING = 1e-9  # relative; a difference of one printed digit is one digit in spite of binary fractions
+_REASON_WIDTH = 58
+
+
+def claims_table(values=None):
+    """Return a DataFrame with a row for each printed number.
+
+    Parameters
+    ----------
+    values : mapping or Series, optional
+        Our values {claim id: number}; by default those that `results.load_values` finds.
+
+    Returns
+    -------
+    DataFrame
+        id, where, quantity, paper, ours (NaN where there is none), difference (ours - paper), tolerance, unit,
+        verdict and reason.
+
+    Raises
+    ------
+    ValueError
+        If a value has an id that is not known, an id occurs twice, or a value is not finite.
+    """
+    values = results.load_values() if values is None else pd.Series(values, dtype=float)
+    _check_identifiers(values)
+    rows = [_claim(identifier, values) for identifier in paper.printed_numbers().index]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+@functools.cache
+def _rules():
+    """The rules as they stand in data/paper/claims.csv."""
+    return pd.read_csv(paper.FOLDER / "claims.csv", dtype=str, keep_default_na=False)
+
+
+def _rule(identifier):
+    """The one rule for this id."""
+    rules = _rules()
+    (index,) = [index for index, pattern in rules["ids"].items() if fnmatchcase(identifier, pattern)]
+    return rules.loc[index]
+
+
+def _check_identifiers(values):
+    """Refuse values that belong to no printed number, ids that two notebooks claim, and what is no number."""
+    twice = values.index[values.index.duplicated()]
+    if len(twice):
+        raise ValueError(f"values has two entries for {', '.join(twice.unique())}; expected one for each id")
+    unknown = [str(identifier) for identifier in values.index if identifier not in known_identifiers()]
+    if unknown:
+        raise ValueError(f"values has unknown ids {', '.join(unknown)}; expected ids of data/paper/printed.csv")
+    infinite = [str(identifier) for identifier in values.index[~np.isfinite(values)]]
+    if infinite:
+        raise ValueError(f"values has NaN or infinity for {', '.join(infinite)}; expected finite numbers")
+
+
+@functools.cache
+def known_identifiers():
+    """Return the ids that a saved value may have: each printed number's, and what the rules need beside them."""
+    identifiers = set(paper.printed_numbers().index)
+    ranges = [identifier for identifier in identifiers if _rule(identifier)["otherwise"] == "range"]
+    templates = " ".join(_rules()["reason"] + _rules()["reason_otherwise"])
+    spans = {f"{identifier}.{end}" for identifier in ranges for end in ("low", "high")}
+    return frozenset(identifiers | spans | set(re.findall(r"values\[([^\]]+)\]", templates)))
+
+
+def _claim(identifier, values):
+    """One row of the table."""
+    row, rule = paper.printed_numbers().loc[identifier], _rule(identifier)
+    ours, tolerance = float(values.get(identifier, np.nan)), _tolerance(identifier, rule)
+    verdict, reason = _judge(identifier, rule, row["value"], ours, tolerance, values)
+    return [
+        identifier, row["where"], row["quantity"], row["value"], ours, ours - row["value"], tolerance, row["unit"],
+        verdict, reason,
+    ]
+
+
+def _tolerance(identifier, rule):
+    """What |ours - paper| may be, in the number's unit; NaN for an input, 0 for "at most"."""
+    kind, frames = rule["rule"], identifier.rpartition(".")[2]
+    if kind in ("mean", "sd"):
+        first, last = (int(frame) for frame in frames.split("-"))
+        count, sd = last - first + 1, paper.printed(f"T3.sd.{frames}")
+        mean = stats.t.ppf(_LEVEL, count - 1) * sd / np.sqrt(count)
+        return float(mean if kind == "mean" else stats.norm.ppf(_LEVEL) * sd / np.sqrt(2 * (count - 1)))
+    if kind == "share":
+        share = paper.printed(identifier) / 100
+        return float(100 * stats.norm.ppf(_LEVEL) * np.sqrt(share * (1 - share) / paper.corner_count()))
+    return {"input": np.nan, "at most": 0.0}[kind] if kind != "within" else float(rule["tolerance"])
+
+
+def _judge(identifier, rule, printed, ours, tolerance, values):
+    """Verdict and reason of one number."""
+    if rule["rule"] == "input":
+        return "not determined", rule["reason"]
+    if np.isnan(ours):
+        return "not determined", NOT_COMPUTED
+    difference = ours - printed if rule["rule"] == "at most" else abs(ours - printed)
+    met = difference <= tolerance + _ROUNDING * abs(printed)
+    numbers = _numbers(identifier, printed, ours, values)
+    if not met and rule["otherwise"] == "range" and np.isnan(numbers["low"] + numbers["high"]):
+        return "not determined", f"{NOT_COMPUTED} ({identifier}.low and .high are missing)"
+    try:
+        reason = rule["reason" if met else "reason_otherwise"].format(**numbers)
+    except KeyError as missing:
+        return "not determined", f"{NOT_COMPUTED} ({missing.args[0]} is missing)"
+    return "reproduced" if met else _otherwise(rule, printed, numbers), reason
+
+
+def _numbers(identifier, printed, ours, values):
+    """What a reason may quote."""
+    low, high = (float(values.get(f"{identifier}.{end}", np.nan)) for end in ("low", "high"))
+    functions = (paper.mm_per_pixel, paper.corner_count, paper.corner_stretch)
+    derived = {function.__name__: function() for function in functions}
+    return derived | {"ours": ours, "difference": ours - printed, "low": low, "high": high, "values": values}
+
+
+def _otherwise(rule, printed, numbers):
+    """The verdict on a number that does not meet its rule."""
+    if rule["otherwise"] != "range":
+        return rule["otherwise"]
+    return "not determined" if numbers["low"] <= printed <= numbers["high"] else "contradicted"
+
+
+def _as_text(table):
+    """The table with its numbers as text of at most six digits, and nothing for NaN."""
+    text = table.copy()
+    for column in ("paper", "ours", "difference", "tolerance"):
+        digits = 6 if column in ("paper", "ours") else 3
+        text[column] = ["" if np.isnan(value) else f"{value:.{digits}g}" for value in table[column]]
+    return text
+
+
+def write_claims(results_folder):
+    """Write claims.csv and claims.tex into `results_folder`, from the values saved there; return the table."""
+    table = claims_table(results.load_values(results_folder))
+    text, folder = _as_text(table), Path(results_folder)
+    with results.replacing(folder / "claims.csv") as path:
+        text.to_csv(path, index=False, lineterminator="\n")
+    with results.replacing(folder / "claims.tex") as path:
+        path.write_text(results.latex(text), encoding="utf-8")
+    return table
+
+
+def summary(table):
+    """Return one sentence that counts the verdicts."""
+    counts = [f"{(table['verdict'] == verdict).sum()} {verdict}" for verdict in VERDICTS]
+    return f"{len(table)} printed numbers: {', '.join(counts)} by what is printed."
+
+
+def format_table(table):
+    """Return the table as text for a terminal of 140 columns, grouped by place in the paper."""
+    lines = []
+    for where, group in _as_text(table).groupby("where", sort=False):
+        lines += ["", where]
+        for row in group.itertuples():
+            lines += _terminal_lines(row)
+    heading = _terminal_line("", "paper", "ours", "unit", "verdict", "reason")
+    return "\n".join([heading, *lines, "", summary(table)])
+
+
+def _terminal_lines(row):
+    """A row's line, and as many more as its reason needs."""
+    first, *more = textwrap.wrap(row.reason, _REASON_WIDTH)
+    rest = [_terminal_line("", "", "", "", "", part) for part in more]
+    return [_terminal_line(row.quantity, row.paper, row.ours, row.unit, row.verdict, first), *rest]
+
+
+def _terminal_line(quantity, printed, ours, unit, verdict, reason):
+    """One line in fixed columns."""
+    return f"  {quantity:<33} {printed:>9} {ours:>11}  {unit:<5}  {verdict:<14}  {reason}".rstrip()
+
+
+def _markdown(table):
+    """The block that stands between the markers of a README."""
+    text = _as_text(table).drop(columns="id").astype(str)
+    rows = [text.columns, ["---"] * 3 + ["---:"] * 4 + ["---"] * 2, *text.to_numpy()]
+    lines = ["| " + " | ".join(str(cell).replace("|", r"\|") for cell in row) + " |" for row in rows]
+    return "\n".join([_BEGIN, summary(table), "", *lines, _END])
+
+
+def _with_block(path, table):
+    """The text of the file as it stands, and with the table between its markers."""
+    text = Path(path).read_text(encoding="utf-8")
+    begin, end = text.find(_BEGIN), text.find(_END)
+    if text.count(_BEGIN) != 1 or text.count(_END) != 1 or end < begin:
+        raise ValueError(f"path {path} has no single pair of lines {_BEGIN} and {_END} to put the table between")
+    return text, text[:begin] + _markdown(table) + text[end + len(_END) :]
+
+
+def update_readme(path, table):
+    """Put the table between the markers ``<!-- claims:begin -->`` and ``<!-- claims:end -->`` of a Markdown file.
+
+    Raises
+    ------
+    ValueError
+        If the file does not have exactly one such pair.
+    """
+    _, updated = _with_block(path, table)
+    with results.replacing(path) as temporary:
+        temporary.write_text(updated, encoding="utf-8", newline="\n")
+
+
+def readme_is_current(path, table):
+    """Return whether the table between the markers is what `update_readme` would write.
+
+    Raises
+    ------
+    ValueError
+        If the file does not have exactly one pair of markers.
+    """
+    text, updated = _with_block(path, table)
+    return text == updated

@@ -1,0 +1,113 @@
+"""Every number that the paper prints, read from data/paper/printed.csv with its place in the paper.
+
+Each number has an id, such as ``"T1-ga.f"`` (Table 1, genetic stage, f) or ``"T2.X3"`` (Table 2, metric x of
+peg 3).  `printed` reads one, `printed_numbers` all; the tables of the paper are the same numbers in its layout.
+Nothing here is ours except `mm_per_pixel`, `corner_count` and `corner_stretch`, which follow from them alone.
+"""
+
+import difflib
+import functools
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+FOLDER = Path(__file__).resolve().parents[1] / "data" / "paper"
+
+
+@functools.cache
+def _numbers():
+    """The CSV as it stands, indexed by id, with the parsed number beside the printed text."""
+    table = pd.read_csv(FOLDER / "printed.csv", dtype=str, keep_default_na=False, index_col="id")
+    table.insert(3, "value", table["printed"].astype(float))
+    return table
+
+
+def printed_numbers():
+    """Return a DataFrame of all printed numbers.
+
+    Returns
+    -------
+    DataFrame
+        Indexed by id: where (place in the paper), quantity, printed (the digits, as text), value (float), unit.
+    """
+    return _numbers().copy()
+
+
+def printed(identifier):
+    """Return the printed number with this id as a float.
+
+    Raises
+    ------
+    ValueError
+        If there is no such id.
+    """
+    if identifier not in _numbers().index:
+        near = difflib.get_close_matches(str(identifier), _numbers().index) or _numbers().index[:5]
+        raise ValueError(f"identifier is {identifier!r}; expected an id such as {', '.join(near)}")
+    return float(_numbers().at[identifier, "value"])
+
+
+def image_size():
+    """Return (width, height) in px (Sect. 4)."""
+    return int(printed("setup.width")), int(printed("setup.height"))
+
+
+def table1():
+    """Return Table 1 without its rotation: stage (linear, genetic), f, t_x, t_y, t_z (mm), kappa1.
+
+    The printed unit of kappa1 is pixel^-2; only mm^-2 on the sensor makes sense of it (see `corner_stretch`).
+    """
+    fields = {"f": "f", "t_x": "Tx", "t_y": "Ty", "t_z": "Tz", "kappa1": "kappa1"}
+    rows = [
+        {"stage": stage} | {name: printed(f"T1-{tag}.{field}") for name, field in fields.items()}
+        for stage, tag in (("linear", "linear"), ("genetic", "ga"))
+    ]
+    return pd.DataFrame(rows)
+
+
+def table1_rotation():
+    """Return Table 1's rotation matrix (3, 3) as printed, the same for both stages; orthonormal to 1.3e-3."""
+    return np.array([printed(f"T1-R.r{k}") for k in range(1, 10)]).reshape(3, 3)
+
+
+def table2():
+    """Return Table 2, the pegs in frame 1: peg (1..4), x_px, y_px, x_mm, y_mm."""
+    columns = {"x_px": "x", "y_px": "y", "x_mm": "X", "y_mm": "Y"}
+    pegs = range(1, 5)
+    table = {name: [printed(f"T2.{letter}{peg}") for peg in pegs] for name, letter in columns.items()}
+    return pd.DataFrame({"peg": list(pegs)} | table)
+
+
+def table3():
+    """Return Table 3, errors of peg 1's radius: first_frame, last_frame, radius_mm, mean_mm, sd_mm."""
+    ranges = [identifier.removeprefix("T3.mean.") for identifier in _numbers().index if "T3.mean." in identifier]
+    ends = np.array([[int(frame) for frame in frames.split("-")] for frames in ranges])
+    return pd.DataFrame(
+        {
+            "first_frame": ends[:, 0],
+            "last_frame": ends[:, 1],
+            "radius_mm": printed("T3.radius"),
+            "mean_mm": [printed(f"T3.mean.{frames}") for frames in ranges],
+            "sd_mm": [printed(f"T3.sd.{frames}") for frames in ranges],
+        }
+    )
+
+
+def mm_per_pixel():
+    """Return the single scale that takes Table 2's pixels to its millimetres, by least squares over its 8 pairs.
+
+    All eight printed coordinates are this scale times the printed pixels, to their last digit.
+    """
+    pixels, metric = table2()[["x_px", "y_px"]].to_numpy().ravel(), table2()[["x_mm", "y_mm"]].to_numpy().ravel()
+    return float(pixels @ metric / (pixels @ pixels))
+
+
+def corner_count():
+    """Return how many checkerboard corners the setup of Sect. 4 has over all orientations (6 x 8 x 5)."""
+    return int(printed("setup.corner_rows") * printed("setup.corner_columns") * printed("setup.orientations"))
+
+
+def corner_stretch():
+    """Return x_u / x_d = 1 + k_1 r^2 (Eq. 3) in the image's corner, with k_1 in px^-2 as Table 1 prints it."""
+    return 1 + printed("T1-ga.kappa1") * float(np.sum(np.square(image_size()))) / 4

@@ -1,0 +1,289 @@
+"""Rules, verdicts and the forms in which the claims table is written."""
+
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from pegpose_lab import claims, paper, results
+
+PROJECT = Path(claims.__file__).resolve().parents[1]
+COMMITTED = PROJECT / "data" / "results"
+# Once reproduce has written data/results/claims.csv, what is committed has to be complete and current.
+once_reproduced = pytest.mark.skipif(
+    not (COMMITTED / "claims.csv").exists(), reason="data/results/claims.csv is not written yet"
+)
+
+
+def as_printed():
+    """Values that agree with the paper everywhere, and what the rules need beside them."""
+    values = {identifier: paper.printed(identifier) for identifier in paper.printed_numbers().index}
+    return values | {identifier: 50.0 for identifier in claims.known_identifiers() - set(values)}
+
+
+def row(values, identifier):
+    """One row of the table."""
+    return claims.claims_table(values).set_index("id").loc[identifier]
+
+
+def test_there_is_one_rule_for_each_printed_number():
+    patterns = claims._rules()["ids"]
+    identifiers = paper.printed_numbers().index
+    matches = np.array([[fnmatchcase(identifier, pattern) for pattern in patterns] for identifier in identifiers])
+    assert (matches.sum(axis=1) == 1).all()
+    assert (matches.sum(axis=0) >= 1).all()
+
+
+def test_rules_are_known_and_complete():
+    rules = claims._rules()
+    assert set(rules["rule"]) == {"input", "within", "at most", "mean", "sd", "share"}
+    compared = rules[rules["rule"] != "input"]
+    assert set(compared["otherwise"]) == {"contradicted", "not determined", "range"}
+    assert (compared["reason_otherwise"] != "").all() and (rules["reason"] != "").all()
+    assert (rules.loc[rules["rule"] == "within", "tolerance"].astype(float) > 0).all()
+    assert (rules.loc[rules["rule"] != "within", "tolerance"] == "").all()
+
+
+def test_table_without_values():
+    table = claims.claims_table({})
+    assert table.columns.tolist() == claims.COLUMNS
+    assert len(table) == len(paper.printed_numbers()) >= 60
+    assert (table["verdict"] == "not determined").all()
+    assert table["ours"].isna().all() and table["difference"].isna().all()
+    inputs = table["reason"].str.startswith("an input: ")
+    assert (table.loc[~inputs, "reason"] == claims.NOT_COMPUTED).all()
+    assert inputs.sum() == 22
+
+
+def test_table_that_agrees_with_the_paper():
+    table = claims.claims_table(as_printed()).set_index("id")
+    inputs = table["reason"].str.startswith("an input: ")
+    assert (table.loc[inputs, "verdict"] == "not determined").all()
+    assert (table.loc[~inputs, "verdict"] == "reproduced").all()
+    assert (table["difference"] == 0).all()
+    assert not table["reason"].str.contains(claims.NOT_COMPUTED).any()
+
+
+def test_an_input_is_never_reproduced():
+    for identifier in ("setup.width", "alpha", "bounds", "T2.x1", "T1-linear.kappa1"):
+        for value in (paper.printed(identifier), paper.printed(identifier) + 1):
+            assert row({identifier: value}, identifier)["verdict"] == "not determined"
+
+
+TOLERANCES = {
+    "setup.distance_m": (0.005, "contradicted"),
+    "T1-linear.Tx": (1.2, "not determined"),
+    "T1-ga.f": (0.24, "not determined"),
+    "T1-ga.Tz": (1.3, "not determined"),
+    "T1-ga.kappa1": (5.5e-7, "not determined"),
+    "T1-R.r5": (0.001, "not determined"),
+    "T2.X1": (0.001, "contradicted"),
+    "T2.Y4": (0.001, "contradicted"),
+    "E-rms": (0.005, "not determined"),
+}
+
+
+@pytest.mark.parametrize("identifier", TOLERANCES)
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_within_its_tolerance_and_beyond(identifier, sign):
+    tolerance, otherwise = TOLERANCES[identifier]
+    inside = row({identifier: paper.printed(identifier) + sign * tolerance}, identifier)
+    beyond = row({identifier: paper.printed(identifier) + sign * tolerance * 1.01}, identifier)
+    assert inside["tolerance"] == tolerance
+    assert (inside["verdict"], beyond["verdict"]) == ("reproduced", otherwise)
+    assert beyond["difference"] == pytest.approx(sign * tolerance * 1.01)
+
+
+@pytest.mark.parametrize("identifier", ["F7.range", "acc"])
+def test_at_most(identifier):
+    limit = paper.printed(identifier)
+    assert row({identifier: limit / 10}, identifier)["verdict"] == "reproduced"
+    assert row({identifier: limit}, identifier)["verdict"] == "reproduced"
+    assert row({identifier: limit * 1.01}, identifier)["verdict"] == "not determined"
+
+
+def test_share_has_the_binomial_interval():
+    low, high = stats.binomtest(round(0.57 * 240), 240).proportion_ci(method="wilson")
+    tolerance = row({}, "F6.percent")["tolerance"]
+    assert tolerance == pytest.approx(50 * (high - low), rel=0.02)
+    assert row({"F6.percent": 57 + tolerance * 0.99}, "F6.percent")["verdict"] == "reproduced"
+    assert row({"F6.percent": 57 - tolerance * 1.01}, "F6.percent")["verdict"] == "not determined"
+
+
+@pytest.mark.parametrize(("frames", "count"), [("1-10", 10), ("11-20", 10), ("21-30", 10), ("31-45", 15)])
+def test_table3_has_the_intervals_of_so_many_frames(frames, count):
+    """The stated intervals hold 95 % of simulated means and standard deviations."""
+    sd = paper.printed(f"T3.sd.{frames}")
+    samples = np.random.default_rng(count).normal(0, sd, (20_000, count))
+    means, deviations = samples.mean(axis=1), samples.std(axis=1, ddof=1)
+    student = row({}, f"T3.mean.{frames}")["tolerance"] / sd * deviations
+    assert np.mean(np.abs(means) <= student) == pytest.approx(0.95, abs=0.006)
+    spread = row({}, f"T3.sd.{frames}")["tolerance"]
+    assert np.mean(np.abs(deviations - sd) <= spread) == pytest.approx(0.95, abs=0.01)
+
+
+@pytest.mark.parametrize("identifier", ["T1-linear.f", "T1-linear.Tz"])
+def test_range_of_what_is_not_printed(identifier):
+    printed = paper.printed(identifier)
+    ours = {identifier: printed * 0.88}
+    missing = row(ours, identifier)
+    assert missing["verdict"] == "not determined"
+    assert missing["reason"].startswith(claims.NOT_COMPUTED) and f"{identifier}.low" in missing["reason"]
+    outside = row(ours | {f"{identifier}.low": printed * 0.8, f"{identifier}.high": printed * 0.9}, identifier)
+    inside = row(ours | {f"{identifier}.low": printed * 0.8, f"{identifier}.high": printed * 1.1}, identifier)
+    assert (outside["verdict"], inside["verdict"]) == ("contradicted", "not determined")
+    assert f"{printed * 0.88:.2f}" in outside["reason"] and f"{printed * 0.9:.1f}" in outside["reason"]
+
+
+def test_a_reason_that_lacks_its_number_says_so():
+    lacking = row({"E-zhang": 0.03}, "E-zhang")
+    assert lacking["reason"] == f"{claims.NOT_COMPUTED} (E-zhang.whole-pixel is missing)"
+    complete = row({"E-zhang": 0.03, "E-zhang.whole-pixel": 0.391}, "E-zhang")
+    assert complete["verdict"] == "not determined" and "0.39 px" in complete["reason"]
+
+
+def test_reasons_quote_computed_numbers():
+    table = claims.claims_table(as_printed()).set_index("id")
+    assert f"{paper.mm_per_pixel():.6f} mm" in table.at["T2.X1", "reason"]
+    assert "12-fold" in table.at["T1-ga.kappa1", "reason"]
+    assert "interval of 240" in table.at["F6.percent", "reason"]
+    assert not table["reason"].str.contains("[{}]").any()
+
+
+def test_every_reason_can_be_formatted_beyond_its_tolerance():
+    values = {identifier: value + 1000 for identifier, value in as_printed().items()}
+    table = claims.claims_table(values)
+    assert not table["reason"].str.contains(r"[{}]|nan|not computed").any()
+    assert (table["verdict"] != "reproduced").all()
+
+
+def test_unusable_values_are_refused():
+    with pytest.raises(ValueError, match="unknown ids T1-ga.F, theta"):
+        claims.claims_table({"T1-ga.F": 48.0, "acc": 0.1, "theta": 1.0})
+    with pytest.raises(ValueError, match="two entries for acc"):
+        claims.claims_table(pd.Series([0.1, 0.2], index=["acc", "acc"]))
+    for value in (np.nan, np.inf):
+        with pytest.raises(ValueError, match="NaN or infinity for acc"):
+            claims.claims_table({"acc": value})
+
+
+def test_values_are_found_where_notebooks_put_them(tmp_path, monkeypatch):
+    monkeypatch.setenv("PEGPOSE_OUTPUT", str(tmp_path))
+    results.save_values("03_tsai_calibration", {"acc": 0.05})
+    results.save_values("04_genetic_stage", {"T1-ga.f": 47.96})
+    table = claims.claims_table().set_index("id")
+    assert table["ours"].dropna().to_dict() == {"T1-ga.f": 47.96, "acc": 0.05}
+    assert table.at["acc", "difference"] == pytest.approx(-0.95)
+
+
+def test_written_claims_read_back(tmp_path, monkeypatch):
+    monkeypatch.setenv("PEGPOSE_OUTPUT", str(tmp_path))
+    results.save_values("08_paper_audit", as_printed())
+    folder = tmp_path / "data" / "results"
+    table = claims.write_claims(folder)
+    read = pd.read_csv(folder / "claims.csv", keep_default_na=False, dtype=str)
+    assert read["id"].tolist() == table["id"].tolist()
+    assert np.array_equal(read["paper"].astype(float), table["paper"])
+    assert read["verdict"].tolist() == table["verdict"].tolist()
+    assert not read.isin(["nan"]).any(axis=None)
+    first = [(folder / name).read_bytes() for name in ("claims.csv", "claims.tex")]
+    claims.write_claims(folder)
+    assert first == [(folder / name).read_bytes() for name in ("claims.csv", "claims.tex")]
+    lines = (folder / "claims.tex").read_text(encoding="utf-8").splitlines()
+    assert sum(line.endswith(r"\\") for line in lines) == len(table) + 1
+    assert {path.name for path in folder.iterdir()} == {"08_paper_audit_values.csv", "claims.csv", "claims.tex"}
+
+
+def test_interrupted_writing_leaves_the_old_table(tmp_path, monkeypatch):
+    claims.write_claims(tmp_path)
+    before = (tmp_path / "claims.tex").read_bytes()
+
+    def interrupt(*args):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(results, "latex", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        claims.write_claims(tmp_path)
+    assert (tmp_path / "claims.tex").read_bytes() == before
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("offset", [None, 0, -1000])
+def test_terminal_table_fits_and_holds_everything(offset):
+    values = {} if offset is None else {name: value + offset for name, value in as_printed().items()}
+    table = claims.claims_table(values)
+    text = claims.format_table(table)
+    assert max(len(line) for line in text.splitlines()) <= 140
+    words = " ".join(text.split())
+    for quantity in table["quantity"]:
+        assert quantity in words
+    assert sum(words.count(verdict) for verdict in claims.VERDICTS) == len(table) + 3
+    assert text.endswith(claims.summary(table))
+    assert "nan" not in words
+
+
+def test_summary_counts_every_row():
+    counts = claims.claims_table(as_printed())["verdict"].value_counts()
+    assert claims.summary(claims.claims_table(as_printed())) == (
+        f"62 printed numbers: {counts['reproduced']} reproduced, 0 contradicted, "
+        f"{counts['not determined']} not determined by what is printed."
+    )
+
+
+@pytest.fixture
+def readme(tmp_path):
+    """A README with the markers and text on both sides."""
+    path = tmp_path / "README.md"
+    path.write_text("# Title\n\n<!-- claims:begin -->\noutdated\n<!-- claims:end -->\n\nµ after\n", encoding="utf-8")
+    return path
+
+
+def test_readme_is_updated_between_its_markers(readme):
+    table = claims.claims_table(as_printed())
+    assert not claims.readme_is_current(readme, table)
+    claims.update_readme(readme, table)
+    assert claims.readme_is_current(readme, table)
+    text = readme.read_text(encoding="utf-8")
+    assert text.startswith("# Title\n\n<!-- claims:begin -->\n62 printed numbers") and "outdated" not in text
+    assert text.endswith("<!-- claims:end -->\n\nµ after\n")
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(rows) == len(table) + 2
+    assert {line.count(" | ") for line in rows} == {8}
+    assert "| Table 1, stage 2 | focal length f | 47.95 | 47.95 | 0 | 0.24 | mm | reproduced |" in text
+
+
+def test_readme_is_outdated_by_one_changed_value(readme):
+    claims.update_readme(readme, claims.claims_table(as_printed()))
+    changed = claims.claims_table(as_printed() | {"E-rms": 0.0311})
+    assert not claims.readme_is_current(readme, changed)
+    claims.update_readme(readme, changed)
+    assert claims.readme_is_current(readme, changed)
+
+
+@pytest.mark.parametrize("text", ["none", "<!-- claims:end --> <!-- claims:begin -->", "<!-- claims:begin -->"])
+def test_readme_without_a_pair_of_markers_is_left_alone(readme, text):
+    readme.write_text(text)
+    with pytest.raises(ValueError, match="no single pair"):
+        claims.update_readme(readme, claims.claims_table({}))
+    assert readme.read_text() == text
+
+
+@once_reproduced
+def test_committed_claims_are_complete():
+    table = claims.claims_table(results.load_values(COMMITTED))
+    missing = table.loc[table["reason"].str.startswith(claims.NOT_COMPUTED), "id"]
+    assert missing.empty, f"no value of ours for {', '.join(missing)}"
+
+
+@once_reproduced
+def test_committed_claims_are_current(tmp_path):
+    table = claims.claims_table(results.load_values(COMMITTED))
+    for path in COMMITTED.glob("*_values.csv"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    claims.write_claims(tmp_path)
+    for name in ("claims.csv", "claims.tex"):
+        assert (COMMITTED / name).read_bytes() == (tmp_path / name).read_bytes()
+    assert claims.readme_is_current(PROJECT / "README.md", table)
