@@ -1,0 +1,426 @@
+"""Hough transforms for circles: two-stage, phase coding, and the classic three-dimensional accumulator.
+
+The paper finds its circles in the segmented image with MATLAB's two-stage method (Sect. 3.1, ref. 11) and
+describes the classic transform: "a circle is drawn for each edge point with a radius r".  All three
+are here; they serve to find circles, `pegpose_lab.edges` to measure them.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .checks import as_image, as_number, as_points
+
+METHODS = ("two-stage", "phase-code", "accumulator")
+RADIUS_STEP = 0.5  # px between the radii of the votes along the gradient
+SMOOTHING = 2.0  # px, sigma of the Gaussian over the 2-D accumulator
+CHUNK = 500_000  # votes held in memory at a time
+
+
+@dataclass(frozen=True)
+class Circles:
+    """Circles, the best first: centers (n, 2) px, radii (n,) px, scores (n,)."""
+
+    centers: np.ndarray
+    radii: np.ndarray
+    scores: np.ndarray
+
+    def __len__(self):
+        return len(self.radii)
+
+
+@dataclass(frozen=True)
+class _Request:
+    """The checked arguments of a search."""
+
+    r_min: float
+    r_max: float
+    method: str
+    sign: float
+    sensitivity: float
+    edge_threshold: float | None
+
+
+def find_circles(
+    image,
+    radius_range,
+    *,
+    method="two-stage",
+    polarity="bright",
+    sensitivity=0.85,
+    edge_threshold=None,
+    max_circles=None,
+    regions=None,
+):
+    """Find circles by a Hough transform.
+
+    Parameters
+    ----------
+    image : (height, width) uint8 or bool
+        A grey picture, or a mask (the paper looks for circles in the segmented image).
+    radius_range : (r_min, r_max) px
+        0 < r_min < r_max.  Radii never lie outside.  Keep r_max below 3 r_min.
+    method : {"two-stage", "phase-code", "accumulator"}
+        See `circle_accumulator` for the votes.  The two-dimensional accumulators are smoothed (Gaussian,
+        sigma 2 px); centres are the weighted centroids of the 8-connected regional maxima left after
+        the h-maxima transform with h = 1 - sensitivity, and the score is the peak's value, at least h.
+        "two-stage" then takes the whole-pixel radius of largest mean gradient around the centre, "phase-code"
+        reads the radius from the phase of the peak; both give one radius for a centre, so they cannot tell
+        concentric circles.  "accumulator" takes maxima over 3 x 3 x 3 neighbours, refined
+        by a parabola along each axis; the score is the share of the circle's perimeter that was
+        voted for, at least 1 - sensitivity/2, and the gradient along the perimeter must have the right polarity.
+    polarity : {"bright", "dark"}
+        Discs brighter or darker than what surrounds them.
+    sensitivity : float in [0, 1]
+        Larger finds more, and more false, circles.
+    edge_threshold : float in [0, 1], optional
+        Edges are pixels whose gradient is above this part of the largest one; by default Otsu's threshold.
+    max_circles : int, optional
+        Keep the best ones only.
+    regions : (k, 4) boxes x, y, width, height, px, optional
+        Look only there, for example in `Segmentation.boxes`: each box is grown by a margin of
+        r_max / 4 + 4 px and searched by itself, with edge threshold of its own.  Boxes smaller
+        than r_min in both directions cannot hold a circle and are skipped.
+
+    Returns
+    -------
+    Circles
+        Sorted by score, descending, ties by y and then x.  Centres lie inside the image.  Of two circles nowhere
+        further apart than max(3 px, 15 % of the smaller radius) the better one is kept.  Empty where nothing
+        is found.
+
+    Raises
+    ------
+    ValueError
+        If an argument is unusable.
+    """
+    image = _as_grey(image)
+    request = _as_request(radius_range, method, polarity, sensitivity, edge_threshold)
+    if max_circles is not None:
+        max_circles = int(as_number(max_circles, "max_circles", 1))
+    rows = [np.empty((0, 4))]
+    for x0, y0, x1, y1 in _windows(image.shape, regions, request):
+        found = _find(image[y0:y1, x0:x1], request)
+        rows.append(found + [x0, y0, 0, 0])
+    return _as_circles(np.concatenate(rows), image.shape, request, max_circles)
+
+
+def circle_accumulator(image, radius_range, *, method="two-stage", polarity="bright", edge_threshold=None):
+    """The votes of a Hough transform, before smoothing.
+
+    Parameters
+    ----------
+    image, radius_range, method, polarity, edge_threshold
+        As for `find_circles`.
+
+    Returns
+    -------
+    "two-stage" : (height, width) float64
+        Each edge pixel votes along its gradient (against it for dark discs) at the distances r_min, r_min + 0.5,
+        ... up to r_max, each vote with weight 1/(2 pi r), in the pixel next to it; votes outside are dropped.
+    "phase-code" : (height, width) complex128
+        The same with weight exp(i phi)/(2 pi r), phi = 2 pi ln(r / r_min) / ln(r_max / r_min).
+    "accumulator" : (n_radii, height, width) float32
+        For each whole radius in the range, one circle drawn around each edge point, divided by its
+        perimeter 2 pi r.  A drawn circle is all pixels whose distance from the centre rounds to r; edge
+        points are thinned by Canny's non-maximum suppression.  n_radii * height * width * 4 bytes are needed
+        (`find_circles` itself keeps three radii at a time); `polarity` plays no part.
+
+    Raises
+    ------
+    ValueError
+        If an argument is unusable.
+    """
+    image = _as_grey(image)
+    request = _as_request(radius_range, method, polarity, 0.85, edge_threshold)
+    if method == "accumulator":
+        edges = _thin_edges(_Gradient(image), request)
+        return np.stack([_draw_circles(edges, r) for r in _whole_radii(request)])
+    return _vote(_Gradient(image), request)
+
+
+# ---------------------------------------------------------------------------------------------------- input
+
+
+def _as_grey(image):
+    """The picture as uint8; a mask becomes 0 and 255."""
+    if isinstance(image, np.ndarray) and image.dtype == bool:
+        image = image.astype(np.uint8) * 255
+    return as_image(image)
+
+
+def _as_request(radius_range, method, polarity, sensitivity, edge_threshold):
+    """Check everything but the picture and the regions."""
+    try:
+        r_min, r_max = radius_range
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"radius_range is {radius_range!r}; expected a pair (r_min, r_max) in px") from error
+    r_min = as_number(r_min, "radius_range[0]", 0.0, 1e5, exclusive=True)
+    r_max = as_number(r_max, "radius_range[1]", r_min, 1e5, exclusive=True)
+    if method not in METHODS:
+        raise ValueError(f"method is {method!r}; expected one of {', '.join(METHODS)}")
+    if polarity not in ("bright", "dark"):
+        raise ValueError(f"polarity is {polarity!r}; expected 'bright' or 'dark'")
+    if method == "accumulator" and np.ceil(r_min) > np.floor(r_max):
+        raise ValueError(f"radius_range is {r_min:g}..{r_max:g}; expected a whole radius in it for 'accumulator'")
+    sensitivity = as_number(sensitivity, "sensitivity", 0.0, 1.0)
+    if edge_threshold is not None:
+        edge_threshold = as_number(edge_threshold, "edge_threshold", 0.0, 1.0)
+    return _Request(r_min, r_max, method, 1.0 if polarity == "bright" else -1.0, sensitivity, edge_threshold)
+
+
+def _windows(shape, regions, request):
+    """The parts of the picture to search, as x0, y0, x1, y1."""
+    height, width = shape
+    if regions is None:
+        return [(0, 0, width, height)]
+    boxes = as_points(np.reshape(regions, (0, 4)) if np.size(regions) == 0 else regions, 4, "regions", 0)
+    boxes = boxes[boxes[:, 2:].max(axis=1, initial=0) >= request.r_min]
+    margin = request.r_max / 4 + 4
+    low = np.clip(np.floor(boxes[:, :2] - margin), 0, [width, height])
+    high = np.clip(np.ceil(boxes[:, :2] + boxes[:, 2:] + margin), 0, [width, height])
+    windows = np.unique(np.hstack([low, high]).astype(int), axis=0)
+    return [tuple(window) for window in windows if (window[2:] > window[:2]).all()]
+
+
+# ---------------------------------------------------------------------------------------------------- edges
+
+
+class _Gradient:
+    """Sobel gradient of a picture, border replicated."""
+
+    def __init__(self, image):
+        self.dx = cv2.Sobel(image, cv2.CV_16S, 1, 0, borderType=cv2.BORDER_REPLICATE)
+        self.dy = cv2.Sobel(image, cv2.CV_16S, 0, 1, borderType=cv2.BORDER_REPLICATE)
+        self.magnitude = cv2.magnitude(self.dx.astype(np.float32), self.dy.astype(np.float32))
+
+    def threshold(self, request):
+        """The gradient above which a pixel is an edge."""
+        largest = float(self.magnitude.max())
+        if request.edge_threshold is not None:
+            return request.edge_threshold * largest
+        scaled = cv2.convertScaleAbs(self.magnitude, alpha=255 / max(largest, 1.0))
+        return cv2.threshold(scaled, 0, 255, cv2.THRESH_OTSU)[0] / 255 * largest
+
+
+def _thin_edges(gradient, request):
+    """Edge points of one pixel's width: Canny's non-maximum suppression above the threshold, as bool."""
+    threshold = gradient.threshold(request)
+    edges = cv2.Canny(gradient.dx, gradient.dy, threshold, threshold, L2gradient=True)
+    return (edges > 0) & (gradient.magnitude > threshold)
+
+
+# ---------------------------------------------------------------------------------------------------- votes
+
+
+def _vote(gradient, request):
+    """The 2-D accumulator, real or complex (see `circle_accumulator`)."""
+    height, width = gradient.magnitude.shape
+    y, x = np.nonzero(gradient.magnitude > gradient.threshold(request))
+    magnitude = gradient.magnitude[y, x]
+    ux = np.float32(request.sign) * gradient.dx[y, x] / magnitude
+    uy = np.float32(request.sign) * gradient.dy[y, x] / magnitude
+    radii = request.r_min + RADIUS_STEP * np.arange(int((request.r_max - request.r_min) / RADIUS_STEP + 1e-9) + 1)
+    weights = _weights(radii, request)
+    votes = np.zeros(height * width, weights.dtype)
+    per_chunk = max(1, CHUNK // max(len(x), 1))
+    x, y, distances = x.astype(np.float32), y.astype(np.float32), radii.astype(np.float32)
+    for first in range(0, len(radii), per_chunk):
+        chunk = slice(first, first + per_chunk)
+        _add_votes(votes, (x, y, ux, uy), distances[chunk], weights[chunk], (height, width))
+    return votes.reshape(height, width)
+
+
+def _weights(radii, request):
+    """Weight of a vote at each radius."""
+    weights = 1 / (2 * np.pi * radii)
+    if request.method == "two-stage":
+        return weights
+    phase = 2 * np.pi * np.log(radii / request.r_min) / np.log(request.r_max / request.r_min)
+    return weights * np.exp(1j * phase)
+
+
+def _add_votes(votes, edges, radii, weights, shape):
+    """Add the votes of all edge pixels at some radii to the flat accumulator."""
+    x, y, ux, uy = edges
+    columns = np.rint(x + radii[:, None] * ux).astype(np.int32)
+    rows = np.rint(y + radii[:, None] * uy).astype(np.int32)
+    inside = (columns >= 0) & (columns < shape[1]) & (rows >= 0) & (rows < shape[0])
+    cells, size = (rows * shape[1] + columns)[inside], shape[0] * shape[1]
+
+    for total, part in ((votes.real, weights.real), (votes.imag, weights.imag)):
+        if part.any():
+            total += np.bincount(cells, np.broadcast_to(part[:, None], inside.shape)[inside], size)
+
+
+def _whole_radii(request):
+    """The whole radii of the 3-D accumulator."""
+    return np.arange(int(np.ceil(request.r_min)), int(np.floor(request.r_max)) + 1)
+
+
+def _draw_circles(edges, radius):
+    """One plane of the 3-D accumulator: correlation of the edge points with a drawn circle."""
+    offsets = np.arange(-radius - 1, radius + 2)
+    ring = (np.rint(np.hypot(offsets, offsets[:, None])) == radius).astype(np.float32)
+    votes = cv2.filter2D(edges.astype(np.float32), cv2.CV_32F, ring, borderType=cv2.BORDER_CONSTANT)
+    return np.rint(votes) / np.float32(2 * np.pi * radius)
+
+
+# ---------------------------------------------------------------------------------------------------- peaks
+
+
+def _find(window, request):
+    """Rows x, y, r, score of the circles in one window."""
+    gradient = _Gradient(window)
+    if not gradient.magnitude.any():
+        return np.empty((0, 4))
+    if request.method == "accumulator":
+        return _find_in_volume(gradient, request)
+    votes = _vote(gradient, request)
+    smooth = cv2.GaussianBlur(np.abs(votes), (0, 0), SMOOTHING, borderType=cv2.BORDER_CONSTANT)
+    peaks = _regional_peaks(smooth, max(1 - request.sensitivity, 1e-6))
+    radius = _radius_by_phase if request.method == "phase-code" else _radius_by_histogram
+    rows = [(x, y, radius(votes, gradient, x, y, request), score) for x, y, score in peaks]
+    return np.array(rows).reshape(-1, 4)
+
+
+def _regional_peaks(surface, h):
+    """Centroid x, y and peak value of each regional maximum of the h-maxima transform, if the peak is >= h.
+
+    A maximum of value v survives the transform when the 8-connected part of {surface >= v - h} around it
+    has no higher point; that part is then its region.  Going down from the highest, everything flooded so far
+    belongs to higher points, so touching it is the whole test.
+    """
+    surface = np.ascontiguousarray(surface, np.float32)
+    is_maximum = (surface >= h) & (surface == cv2.dilate(surface, np.ones((3, 3), np.uint8)))
+    rows, columns = np.nonzero(is_maximum)
+    order = np.lexsort((columns, rows, -surface[rows, columns]))
+    flooded = np.zeros((surface.shape[0] + 2, surface.shape[1] + 2), np.uint8)
+    peaks = []
+    for row, column in zip(rows[order].tolist(), columns[order].tolist(), strict=True):
+        if not flooded[row + 1, column + 1]:
+            region = _flood(surface, flooded, row, column, h)
+            if region is not None:
+                peaks.append((*region, float(surface[row, column])))
+    return peaks
+
+
+_FLOODED = 3  # mark in the mask; floodFill itself writes 1 along the mask's border
+
+
+def _flood(surface, flooded, row, column, h):
+    """Flood the region around a maximum; its weighted centroid x, y, or None where it touches a higher one."""
+    flags = 8 | (2 << 8) | cv2.FLOODFILL_FIXED_RANGE | cv2.FLOODFILL_MASK_ONLY
+    depth = min(h, float(surface[row, column]) * (1 - 1e-6))
+    *_, (x, y, width, height) = cv2.floodFill(surface, flooded, (column, row), 0, depth, 1e9, flags)
+    around = flooded[y : y + height + 2, x : x + width + 2]
+    new = (around == 2).astype(np.uint8)
+    touches = (cv2.dilate(new, np.ones((3, 3), np.uint8)) & (around == _FLOODED)).any()
+    around[new > 0] = _FLOODED
+    if touches:
+        return None
+    weights = surface[y : y + height, x : x + width] * new[1:-1, 1:-1]
+    total = weights.sum(dtype=float)
+    cx = weights.sum(axis=0, dtype=float) @ np.arange(x, x + width) / total
+    cy = weights.sum(axis=1, dtype=float) @ np.arange(y, y + height) / total
+    return cx, cy
+
+
+def _radius_by_phase(votes, _gradient, x, y, request):
+    """Radius from the phase of the votes around a centre (weighted by the smoothing's Gaussian)."""
+    reach = int(3 * SMOOTHING)
+    row, column = int(round(y)), int(round(x))
+    rows = np.arange(max(row - reach, 0), min(row + reach + 1, votes.shape[0]))
+    columns = np.arange(max(column - reach, 0), min(column + reach + 1, votes.shape[1]))
+    down = np.exp(-0.5 * ((rows - y) / SMOOTHING) ** 2)
+    across = np.exp(-0.5 * ((columns - x) / SMOOTHING) ** 2)
+    peak = down @ votes[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] @ across
+    phase = np.angle(peak) % (2 * np.pi)
+    return request.r_min * (request.r_max / request.r_min) ** (phase / (2 * np.pi))
+
+
+def _radius_by_histogram(_votes, gradient, x, y, request):
+    """The whole radius at which the mean gradient in a ring of one pixel's width is largest."""
+    reach = int(np.ceil(request.r_max)) + 1
+    row, column = int(round(y)), int(round(x))
+    rows = np.arange(max(row - reach, 0), min(row + reach + 1, gradient.magnitude.shape[0]))
+    columns = np.arange(max(column - reach, 0), min(column + reach + 1, gradient.magnitude.shape[1]))
+    patch = gradient.magnitude[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    bins = np.rint(np.hypot(columns - x, (rows - y)[:, None])).astype(int).ravel()
+    total, count = np.bincount(bins, patch.ravel()), np.bincount(bins)
+    low, high = int(np.ceil(request.r_min)), int(np.floor(request.r_max))
+    mean = total[low : high + 1] / np.maximum(count[low : high + 1], 1)
+    return float(low + mean.argmax()) if len(mean) else 0.5 * (request.r_min + request.r_max)
+
+
+# ---------------------------------------------------------------------------------------------------- volume
+
+
+def _find_in_volume(gradient, request):
+    """Rows x, y, r, score: maxima of the 3-D accumulator, held three planes at a time."""
+    edges, least = _thin_edges(gradient, request), 1 - request.sensitivity / 2
+    empty = np.zeros(edges.shape, np.float32)
+    below, here, rows, last_radius = empty, empty, [], None
+    radii = _whole_radii(request)
+    for radius in [*radii, None]:
+        above = empty if radius is None else _draw_circles(edges, int(radius))
+        if here is not empty:
+            rows.extend(_plane_maxima(below, here, above, last_radius, least))
+        below, here, last_radius = here, above, radius
+    rows = [row for row in rows if _has_polarity(gradient, row, request.sign)]
+    return np.array(rows, float).reshape(-1, 4)
+
+
+def _plane_maxima(below, here, above, radius, least):
+    """Maxima of the middle plane over 3 x 3 x 3 neighbours, refined by a parabola along each axis."""
+    cube = np.ones((3, 3), np.uint8)
+    highest = cv2.dilate(cv2.max(cv2.max(below, above), here), cube)
+    for y, x in np.argwhere((here >= least) & (here == highest)).tolist():
+        dx = _parabola(*_neighbours(here, x, y, 1, 0))
+        dy = _parabola(*_neighbours(here, x, y, 0, 1))
+        dr = _parabola(below[y, x], here[y, x], above[y, x])
+        yield x + dx, y + dy, radius + dr, here[y, x]
+
+
+def _neighbours(plane, x, y, dx, dy):
+    """A value between its two neighbours; outside the picture the value itself is repeated."""
+    height, width = plane.shape
+    before = plane[max(y - dy, 0), max(x - dx, 0)]
+    return before, plane[y, x], plane[min(y + dy, height - 1), min(x + dx, width - 1)]
+
+
+def _parabola(before, here, after):
+    """Place of the vertex through three equally spaced values, the middle one not the smallest: |x| <= 0.5."""
+    bend = float(before) - 2 * float(here) + float(after)
+    return 0.5 * (float(before) - float(after)) / bend if bend < 0 else 0.0
+
+
+def _has_polarity(gradient, row, sign):
+    """Whether the gradient along a circle points, on the whole, to its centre (sign 1) or away (-1)."""
+    x, y, radius, _ = row
+    t = np.arange(0, 2 * np.pi, 1 / radius)
+    columns = np.rint(x + radius * np.cos(t)).astype(int)
+    rows = np.rint(y + radius * np.sin(t)).astype(int)
+    height, width = gradient.magnitude.shape
+    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    dx, dy = gradient.dx[rows[inside], columns[inside]], gradient.dy[rows[inside], columns[inside]]
+    return sign * (dx @ np.cos(t[inside]) + dy @ np.sin(t[inside])) < 0
+
+
+# ---------------------------------------------------------------------------------------------------- result
+
+
+def _as_circles(rows, shape, request, max_circles):
+    """Sorted circles without duplicates, inside the image and the radius range."""
+    centers = np.clip(rows[:, :2], 0, [shape[1] - 1, shape[0] - 1])
+    radii = np.clip(rows[:, 2], request.r_min, request.r_max)
+    order = np.lexsort((centers[:, 0], centers[:, 1], -rows[:, 3]))
+    kept = []
+    for i in order.tolist():
+        if max_circles is not None and len(kept) == max_circles:
+            break
+        apart = np.hypot(*(centers[kept] - centers[i]).T) + np.abs(radii[kept] - radii[i])
+        if not (apart < np.maximum(3.0, 0.15 * np.minimum(radii[kept], radii[i]))).any():
+            kept.append(i)
+    return Circles(centers[kept], radii[kept], rows[kept, 3])

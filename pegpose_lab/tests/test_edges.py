@@ -1,0 +1,248 @@
+"""Disc fits against known ellipses: bias, the Cramer-Rao bound, honest sigmas, reasons."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from pegpose_lab import edges
+from pegpose_lab.edges import fit_discs
+from pegpose_lab.tests.discs import center_bound, draw_ellipses, to_uint8
+
+GRID = [(80 + 130 * i, 80 + 130 * j) for i in range(4) for j in range(4)]
+SHAPE = (550, 550)
+R = 48.0
+
+
+def _circles(centers, radii):
+    return SimpleNamespace(centers=np.asarray(centers, float), radii=np.asarray(radii, float))
+
+
+def _truth(rng, ratio=1.0):
+    """Rows cx, cy, a, b, angle with geometric mean radius R."""
+    offsets = rng.uniform(-0.5, 0.5, (len(GRID), 2))
+    axes = np.tile([R / np.sqrt(ratio), R * np.sqrt(ratio)], (len(GRID), 1))
+    return np.hstack([np.array(GRID) + offsets, axes, rng.uniform(-1.5, 1.5, (len(GRID), 1))])
+
+
+def _near(truth, rng):
+    """Circles as a Hough transform would give them: off by a few pixels."""
+    return _circles(truth[:, :2] + rng.uniform(-2, 2, (len(truth), 2)), R + rng.uniform(-3, 3, len(truth)))
+
+
+def _measure(noise, ratio=1.0, pictures=6, **drawing):
+    rng = np.random.default_rng(7)
+    truth, discs = [], []
+    for number in range(pictures):
+        if number % 2 == 0:
+            ellipses = _truth(rng, ratio)
+            clean = draw_ellipses(SHAPE, ellipses, **drawing)
+        truth.append(ellipses)
+        discs.append(fit_discs(to_uint8(clean, noise, rng), _near(ellipses, rng)))
+    return np.concatenate(truth), discs
+
+
+def _stack(discs, name):
+    return np.concatenate([getattr(d, name) for d in discs])
+
+
+@pytest.mark.parametrize("noise", [1, 5, 10])
+def test_reaches_the_cramer_rao_bound_with_honest_sigmas(noise):
+    truth, discs = _measure(noise, ratio=0.97)
+    errors = _stack(discs, "centers") - truth[:, :2]
+    assert _stack(discs, "accepted").all()
+    assert np.sqrt((errors**2).mean()) < 1.2 * center_bound(R, 100, 0.9, noise)
+    scaled = errors / _stack(discs, "sigmas")[:, :2]
+    assert 0.85 < np.sqrt((scaled**2).mean()) < 1.15
+    radius_error = _stack(discs, "radii") - R
+    assert np.sqrt((radius_error**2).mean()) < 1.4 * center_bound(R, 100, 0.9, noise) / np.sqrt(2)
+    assert abs(_stack(discs, "chi2").mean() - 1) < 0.05
+
+
+def test_axes_and_angle_have_honest_sigmas():
+    truth, discs = _measure(5, ratio=0.8)
+    axes = (_stack(discs, "semi_axes") - truth[:, 2:4]) / _stack(discs, "sigmas")[:, 2:4]
+    turn = (_stack(discs, "angles") - truth[:, 4] + np.pi / 2) % np.pi - np.pi / 2
+    assert (0.8 < np.sqrt((axes**2).mean(axis=0))).all() and (np.sqrt((axes**2).mean(axis=0)) < 1.2).all()
+    assert 0.8 < np.sqrt(((turn / _stack(discs, "sigmas")[:, 4]) ** 2).mean()) < 1.2
+
+
+def test_blur_does_not_shrink_small_discs():
+    """Without the correction s^2 / 2r the radius would be 0.25 px too small."""
+    ellipse = [(40.3, 39.8, 10.0, 10.0, 0.0)]
+    image = to_uint8(draw_ellipses((80, 80), ellipse, blur=2.2, level=220, background=20))
+    discs = fit_discs(image, _circles([(40, 40)], [10]))
+    assert abs(discs.radii[0] - 10) < 0.02
+    assert np.hypot(*(discs.centers[0] - (40.3, 39.8))) < 0.01
+
+
+def test_curvature_of_the_ellipse_enters_the_shrinkage():
+    ellipse = [(60.2, 59.6, 40.0, 20.0, 0.4)]
+    image = to_uint8(draw_ellipses((120, 120), ellipse, blur=1.5), 0)
+    discs = fit_discs(image, _circles([(60, 60)], [28]))
+    np.testing.assert_allclose(discs.semi_axes[0], (40, 20), atol=0.03)
+    assert abs(discs.angles[0] - 0.4) < 1e-3
+
+
+def test_dark_discs_are_the_negative_of_bright_ones():
+    rng = np.random.default_rng(3)
+    truth = _truth(rng)
+    image, circles = to_uint8(draw_ellipses(SHAPE, truth), 3, rng), _near(truth, rng)
+    bright, dark = fit_discs(image, circles), fit_discs(255 - image, circles)
+    np.testing.assert_allclose(dark.centers, bright.centers, atol=1e-3)
+    np.testing.assert_allclose(dark.contrasts, -bright.contrasts, atol=0.05)
+    assert bright.contrasts.min() > 95
+    edge = np.sqrt(0.9**2 + 1 / 12)
+    np.testing.assert_allclose(bright.blurs, edge, atol=0.05)
+
+
+def test_known_noise_is_measured():
+    for noise in (2.0, 8.0):
+        _, discs = _measure(noise, pictures=1)
+        np.testing.assert_allclose(_stack(discs, "noises"), np.hypot(noise, np.sqrt(1 / 12)), rtol=0.12)
+
+
+def test_a_circle_has_a_finite_angle_sigma():
+    image = to_uint8(draw_ellipses((140, 140), [(70, 70, R, R, 0)]), 5, 0)
+    discs = fit_discs(image, _circles([(70, 70)], [R]))
+    assert 0 < discs.sigmas[0, 4] <= np.pi / np.sqrt(12) + 1e-12
+    np.testing.assert_allclose(np.sqrt(np.diag(discs.covariance[0])), discs.sigmas[0])
+    assert discs.semi_axes[0, 0] >= discs.semi_axes[0, 1]
+
+
+def _with_wall(rng, noise):
+    """Discs with a wall 12 grey values above the base on one side, and a slope over the base."""
+    truth = _truth(rng)
+    walls = truth + [-6, -3, 0, 0, 0]
+    base = draw_ellipses(SHAPE, walls, background=60, level=72)
+    base += np.linspace(0, 10, SHAPE[1])
+    share = draw_ellipses(SHAPE, truth, background=0, level=1)
+    return truth, to_uint8(base + share * (160 - base), noise, rng)
+
+
+def test_side_walls_are_fitted_by_sectors(monkeypatch):
+    rng = np.random.default_rng(11)
+    truth, image = _with_wall(rng, 2)
+    circles = _near(truth, rng)
+
+    def rms_and_scaled():
+        discs = fit_discs(image, circles)
+        errors = discs.centers - truth[:, :2]
+        return np.sqrt((errors**2).mean()), np.sqrt(((errors / discs.sigmas[:, :2]) ** 2).mean()), discs
+
+    rms, scaled, discs = rms_and_scaled()
+    assert discs.accepted.all() and rms < 0.03 and scaled < 1.5
+    monkeypatch.setattr(edges, "REFIT_CHI2", np.inf)
+    assert rms_and_scaled()[0] > 5 * rms
+
+
+def test_a_bar_over_the_edge_moves_the_center_little():
+    rng = np.random.default_rng(5)
+    picture = draw_ellipses((140, 140), [(70.2, 69.7, R, R, 0)])
+    picture[60:75, :40] = 110
+    discs = fit_discs(to_uint8(picture, 2, rng), _circles([(70, 70)], [R]))
+    error = discs.centers[0] - (70.2, 69.7)
+    assert discs.accepted[0] and np.hypot(*error) < 0.03
+    assert (np.abs(error) < 4 * discs.sigmas[0, :2]).all()
+
+
+def test_an_arc_is_enough_and_too_short_an_arc_is_refused():
+    """What lies right of a column is hidden by a bar of the background's own level."""
+    results = []
+    for column in (95, 40):
+        picture = draw_ellipses((140, 140), [(70.2, 69.7, R, R, 0)])
+        picture[:, column:] = 60
+        results.append(fit_discs(to_uint8(picture, 2, 1), _circles([(70, 70)], [R])))
+    arc, little = results
+    error = np.abs(arc.centers[0] - (70.2, 69.7))
+    assert arc.accepted[0] and error.max() < 0.1 and (error < 4 * arc.sigmas[0, :2]).all()
+    assert not little.accepted[0]
+
+
+def test_sectors_cost_a_factor_two_where_nothing_is_wrong(monkeypatch):
+    monkeypatch.setattr(edges, "REFIT_CHI2", 0.0)
+    truth, discs = _measure(5, pictures=6)
+    errors = _stack(discs, "centers") - truth[:, :2]
+    assert np.sqrt((errors**2).mean()) < 2.2 * center_bound(R, 100, 0.9, 5)
+    assert 0.8 < np.sqrt(((errors / _stack(discs, "sigmas")[:, :2]) ** 2).mean()) < 1.3
+
+
+@pytest.mark.parametrize(
+    ("center", "radius", "reason"),
+    [((30, 70), R, "leaves the image"), ((70, 70), 1.5, "radius too small")],
+)
+def test_circles_that_cannot_be_fitted_say_why(center, radius, reason):
+    image = to_uint8(draw_ellipses((140, 140), [(70, 70, R, R, 0)]), 2, 0)
+    discs = fit_discs(image, _circles([center], [radius]))
+    assert discs.reasons[0] == reason and not discs.accepted[0]
+    np.testing.assert_allclose(discs.centers[0], center)
+    assert np.isinf(discs.sigmas).all() and not np.isnan(discs.covariance).any()
+
+
+def test_noise_constant_and_square_are_rejected():
+    rng = np.random.default_rng(2)
+    noise = to_uint8(np.full((140, 140), 100.0), 10, rng)
+    constant = np.full((140, 140), 100, np.uint8)
+    square = np.full((140, 140), 60.0)
+    square[30:110, 30:110] = 160
+    for image in (noise, constant, to_uint8(square, 2, rng)):
+        discs = fit_discs(image, _circles([(70, 70)], [44]))
+        assert not discs.accepted[0] and discs.reasons[0]
+
+
+def test_order_is_kept_and_empty_is_fine():
+    image = to_uint8(draw_ellipses((140, 140), [(70, 70, R, R, 0)]), 2, 0)
+    discs = fit_discs(image, _circles([(30, 30), (70, 71)], [R, R]))
+    assert discs.accepted.tolist() == [False, True] and len(discs) == 2
+    none = fit_discs(image, _circles(np.empty((0, 2)), []))
+    assert none.centers.shape == (0, 2) and none.sigmas.shape == (0, 5) and none.covariance.shape == (0, 5, 5)
+
+
+@pytest.mark.parametrize(
+    "circles",
+    [None, np.ones((3, 3)), _circles([(1, np.nan)], [3]), _circles([(1, 2)], [3, 4]), _circles([(1, 2)], [-3])],
+)
+def test_bad_circles(circles):
+    with pytest.raises(ValueError, match="circles"):
+        fit_discs(np.zeros((9, 9), np.uint8), circles)
+
+
+def test_bad_image():
+    with pytest.raises(ValueError, match="image"):
+        fit_discs(np.zeros((9, 9)), _circles([(4, 4)], [3]))
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    arrays(np.uint8, st.tuples(st.integers(1, 40), st.integers(1, 40)), elements=st.sampled_from([0, 3, 90, 255])),
+    st.floats(-5, 45),
+    st.floats(-5, 45),
+    st.floats(0.1, 30),
+)
+def test_any_picture_gives_finite_numbers(image, x, y, radius):
+    discs = fit_discs(image, _circles([(x, y)], [radius]))
+    for name in ("centers", "semi_axes", "angles", "contrasts", "blurs", "noises"):
+        assert np.isfinite(getattr(discs, name)).all()
+    for name in ("sigmas", "covariance", "chi2"):
+        assert not np.isnan(getattr(discs, name)).any()
+    assert discs.accepted[0] == (discs.reasons[0] == "")
+    if discs.accepted[0]:
+        assert (discs.centers[0] >= 0).all() and (discs.centers[0] <= np.array(image.shape[::-1]) - 1).all()
+
+
+@given(st.floats(-0.6, 0.6), st.floats(-1.5, 1.5), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
+def test_shape_steps_match_the_distance_derivatives(m, angle, dp, dq):
+    """A small step of the shape changes the distance as the analytic derivatives say."""
+    ellipse = edges._Ellipse(3.0, -2.0, 20.0, abs(m), angle)
+    t = np.linspace(0, 6, 25)
+    x, y = 3 + 21 * np.cos(t), -2 + 19 * np.sin(t)
+    (a, b), cos, sin = ellipse.axes, np.cos(angle), np.sin(angle)
+    x, y = 3 + a * np.cos(t) * cos - b * np.sin(t) * sin, -2 + a * np.cos(t) * sin + b * np.sin(t) * cos
+    step = 1e-6 * np.array([0.7, -0.4, 0.9, dp, dq])
+    before, rows, _ = edges._geometry(x, y, ellipse)
+    after = edges._geometry(x, y, ellipse.moved(*step))[0]
+    np.testing.assert_allclose(before, 0, atol=1e-9)
+    np.testing.assert_allclose(after - before, step @ rows, atol=2e-9)
