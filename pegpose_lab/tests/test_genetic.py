@@ -1,0 +1,247 @@
+"""The genetic algorithm: each operator against the paper's formula as a loop, and the whole on known functions."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pegpose_lab.genetic import blend_crossover, first_generation, minimize_genetic, power_mutation, roulette
+
+LOWER, UPPER = np.array([-2.0, 10.0]), np.array([3.0, 50.0])
+
+
+def sphere(population):
+    return np.sum((population - [0.5, 20.0]) ** 2, axis=1)
+
+
+class Constant:
+    """A generator whose every draw is one number."""
+
+    def __init__(self, value):
+        self.value = value
+
+    def random(self, shape):
+        return np.full(shape, self.value)
+
+
+def blend_loop(parents, draws, alpha, form):
+    """Eq. 9 word for word, a chromosome and a gene at a time."""
+    n, genes = parents.shape
+    children = np.empty_like(parents)
+    for j in range(n):
+        for i in range(genes):
+            q, q_next = parents[j, i], parents[(j + 1) % n, i]
+            difference = q - q_next if form == "printed" else abs(q - q_next)
+            o1 = min(q, q_next) - alpha * difference
+            o2 = max(q, q_next) + alpha * difference
+            children[j, i] = (o2 - o1) * draws[j, i] + o1
+    return children
+
+
+def mutation_loop(population, draws, index, rate, form):
+    """Eq. 10 word for word, with the second sign and s of Deep & Thakur where corrected."""
+    chosen, direction, sample = draws
+    mutants = population.copy()
+    for j in range(len(population)):
+        for i in range(population.shape[1]):
+            q, q_min, q_max = population[j, i], LOWER[i], UPPER[i]
+            u, r, s_r = (q - q_min) / (q_max - q_min), direction[j, i], 1 - sample[j, i]
+            s = index * s_r ** (index - 1) if form == "printed" else s_r**index
+            if chosen[j, i] >= rate:
+                continue
+            if u < r:
+                mutants[j, i] = q - s * (q - q_min)
+            elif form == "printed":
+                mutants[j, i] = q - s * (q_max - q)
+            else:
+                mutants[j, i] = q + s * (q_max - q)
+    return mutants
+
+
+@pytest.mark.parametrize("form", ["printed", "corrected"])
+@pytest.mark.parametrize("alpha", [0.75, 0.3])
+def test_blend_crossover_is_the_loop(form, alpha):
+    parents = np.random.default_rng(1).uniform(LOWER, UPPER, (7, 2))
+    draws = np.random.default_rng(2).random((7, 2))
+    children = blend_crossover(parents, np.random.default_rng(2), alpha=alpha, form=form)
+    assert children == pytest.approx(blend_loop(parents, draws, alpha, form), abs=1e-13)
+
+
+@pytest.mark.parametrize("form", ["printed", "corrected"])
+@pytest.mark.parametrize(("index", "rate"), [(10.0, 0.5), (4.0, 1.0), (0.25, 1.0)])
+def test_power_mutation_is_the_loop(form, index, rate):
+    population = np.random.default_rng(3).uniform(LOWER, UPPER, (9, 2))
+    draws = np.random.default_rng(4).random((3, 9, 2))
+    mutants = power_mutation(population, LOWER, UPPER, np.random.default_rng(4), index=index, rate=rate, form=form)
+    assert mutants == pytest.approx(mutation_loop(population, draws, index, rate, form), rel=1e-12)
+
+
+def test_blend_reaches_three_quarters_of_the_distance_beyond_each_parent():
+    """Eq. 9 with the paper's alpha = 0.75, by default and in both orders of the parents."""
+    parents = np.array([[0.0], [4.0]])
+    assert blend_crossover(parents, Constant(0.0)).ravel() == pytest.approx([-3.0, -3.0])
+    assert blend_crossover(parents, Constant(1.0)).ravel() == pytest.approx([7.0, 7.0])
+
+
+def test_printed_blend_narrows_the_interval_when_the_first_parent_is_smaller():
+    parents = np.array([[0.0], [4.0]])
+    assert blend_crossover(parents, Constant(0.0), form="printed").ravel() == pytest.approx([3.0, -3.0])
+    assert blend_crossover(parents, Constant(1.0), form="printed").ravel() == pytest.approx([1.0, 7.0])
+
+
+def test_equal_parents_have_equal_children():
+    parents = np.tile([1.0, 20.0], (5, 1))
+    assert np.array_equal(blend_crossover(parents, np.random.default_rng(0)), parents)
+
+
+def test_corrected_mutation_stays_in_the_box_and_printed_does_not():
+    population = np.random.default_rng(5).uniform(LOWER, UPPER, (2000, 2))
+    for form, stays in (("corrected", True), ("printed", False)):
+        mutants = power_mutation(population, LOWER, UPPER, np.random.default_rng(6), rate=1.0, form=form)
+        assert np.all((mutants >= LOWER) & (mutants <= UPPER)) == stays
+
+
+def test_corrected_mutation_goes_either_way_with_power_distributed_steps():
+    """u < r has probability 1 - u; s = s_r^p has the quantiles 0.25^p, 0.5^p, 0.75^p of the way to the bound."""
+    population = np.full((40000, 1), 0.2)
+    mutants = power_mutation(population, np.zeros(1), np.ones(1), np.random.default_rng(8), index=3.0, rate=1.0)
+    moves = mutants[:, 0] - 0.2
+    assert np.mean(moves < 0) == pytest.approx(0.8, abs=0.01)
+    for steps in (-moves[moves < 0] / 0.2, moves[moves > 0] / 0.8):
+        assert np.quantile(steps, [0.25, 0.5, 0.75]) == pytest.approx(np.array([0.25, 0.5, 0.75]) ** 3, abs=0.02)
+
+
+def test_mutation_rate_is_the_fraction_of_mutated_genes():
+    population = np.random.default_rng(9).uniform(LOWER, UPPER, (20000, 2))
+    mutants = power_mutation(population, LOWER, UPPER, np.random.default_rng(10))
+    assert np.mean(mutants != population) == pytest.approx(0.05, abs=0.005)
+
+
+def test_roulette_is_proportionate():
+    values = np.array([1.0, 2.0, 5.0, 5.0, 4.0])
+    chosen = roulette(values, 100000, np.random.default_rng(11))
+    assert np.bincount(chosen, minlength=5) / 1e5 == pytest.approx(np.array([4, 3, 0, 0, 1]) / 8, abs=0.01)
+    shifted = roulette(1e3 * values - 7, 100000, np.random.default_rng(11))
+    assert np.array_equal(chosen, shifted)
+
+
+def test_roulette_of_equals_is_fair():
+    chosen = roulette(np.full(4, 3.0), 40000, np.random.default_rng(12))
+    assert np.bincount(chosen) / 4e4 == pytest.approx(np.full(4, 0.25), abs=0.02)
+
+
+def test_first_generation_of_eq_4_is_the_initial_chromosome():
+    population = first_generation(LOWER, UPPER, 6, np.random.default_rng(0), initial=[1, 20], form="equal")
+    assert np.array_equal(population, np.tile([1.0, 20.0], (6, 1)))
+
+
+def test_uniform_first_generation_fills_the_box_and_holds_the_initial_chromosome():
+    population = first_generation(LOWER, UPPER, 20000, np.random.default_rng(0), initial=[1, 20])
+    assert np.array_equal(population[0], [1.0, 20.0])
+    assert population.min(axis=0) == pytest.approx(LOWER, abs=0.01)
+    assert population.max(axis=0) == pytest.approx(UPPER, abs=0.01)
+    assert population.mean(axis=0) == pytest.approx((LOWER + UPPER) / 2, abs=0.2)
+
+
+@given(st.integers(0, 10**6))
+def test_finds_the_minimum_from_any_seed(seed):
+    result = minimize_genetic(sphere, [(-2, 3), (10, 50)], rng=seed)
+    assert result.x == pytest.approx([0.5, 20.0], abs=1e-6)
+
+
+def test_minimum_on_the_edge_is_reached():
+    result = minimize_genetic(lambda population: population.sum(axis=1), [(-2, 3), (10, 50)], rng=1)
+    assert result.x == pytest.approx([-2.0, 10.0], abs=1e-9)
+
+
+def test_result_is_consistent():
+    calls = []
+
+    def objective(population):
+        calls.append(len(population))
+        return sphere(population)
+
+    result = minimize_genetic(
+        objective, [(-2, 3), (10, 50)], population_size=31, generations=12, keep_populations=True, rng=3
+    )
+    history = result.history
+    assert result.populations.shape == (13, 31, 2)
+    assert result.evaluations == sum(calls) == history["evaluations"].iloc[-1] == 31 * 13
+    assert list(history["generation"]) == list(range(13))
+    values = np.array([sphere(population) for population in result.populations])
+    for name, expected in {
+        "best": values.min(axis=1),
+        "mean": values.mean(axis=1),
+        "median": np.median(values, axis=1),
+        "worst": values.max(axis=1),
+        "std": values.std(axis=1),
+        "spread_0": result.populations[..., 0].std(axis=1) / 5,
+        "spread_1": result.populations[..., 1].std(axis=1) / 40,
+    }.items():
+        assert history[name].to_numpy() == pytest.approx(expected), name
+    assert result.fun == values.min() and np.array_equal(result.x, result.populations[-1, 0])
+
+
+def test_the_best_is_never_lost_and_the_same_seed_gives_the_same_run():
+    runs = [minimize_genetic(sphere, [(-2, 3), (10, 50)], generations=30, rng=5).history for _ in range(2)]
+    assert np.all(np.diff(runs[0]["best"]) <= 0)
+    assert np.all(np.diff(runs[0]["worst"]) <= 0)
+    assert runs[0].equals(runs[1])
+
+
+def test_defaults_are_the_papers_and_the_stated_ones():
+    stated = dict(
+        population_size=60, generations=100, initialisation="uniform", crossover="corrected", alpha=0.75,
+        mutation="corrected", mutation_index=10.0, mutation_rate=0.05,
+    )
+    default, explicit = (
+        minimize_genetic(sphere, [(-2, 3), (10, 50)], rng=1, **options).history for options in ({}, stated)
+    )
+    assert default.equals(explicit)
+    for name, other in {"alpha": 0.7, "mutation_index": 9.0, "mutation_rate": 0.06, "crossover": "printed"}.items():
+        changed = minimize_genetic(sphere, [(-2, 3), (10, 50)], rng=1, **(stated | {name: other}))
+        assert not changed.history.equals(default), name
+
+
+def test_eq_4_without_mutation_never_moves():
+    result = minimize_genetic(
+        sphere, [(-2, 3), (10, 50)], initial=[1, 30], initialisation="equal", mutation_rate=0.0, rng=0
+    )
+    assert np.array_equal(result.x, [1.0, 30.0])
+
+
+def test_printed_operators_are_clipped_to_the_box():
+    result = minimize_genetic(
+        sphere, [(-2, 3), (10, 50)], crossover="printed", mutation="printed", mutation_rate=0.5,
+        keep_populations=True, rng=1,
+    )
+    assert np.all((result.populations >= LOWER) & (result.populations <= UPPER))
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"bounds": [(3, 3), (0, 1)]}, "bounds"),
+        ({"bounds": [(0, np.nan), (0, 1)]}, "bounds"),
+        ({"bounds": []}, "bounds"),
+        ({"population_size": 1}, "population_size"),
+        ({"population_size": 2.5}, "population_size"),
+        ({"generations": 0}, "generations"),
+        ({"alpha": -1}, "alpha"),
+        ({"alpha": "large"}, "alpha"),
+        ({"mutation_rate": 1.5}, "mutation_rate"),
+        ({"mutation_index": 0}, "mutation_index"),
+        ({"crossover": "none"}, "crossover"),
+        ({"mutation": "none"}, "mutation"),
+        ({"initialisation": "none"}, "initialisation"),
+        ({"initialisation": "equal"}, "initial"),
+        ({"initial": [0, 0]}, "initial"),
+        ({"initial": [0, 20, 1]}, "initial"),
+        ({"objective": lambda population: np.full(len(population), np.nan)}, "objective"),
+        ({"objective": lambda population: population}, "objective"),
+    ],
+)
+def test_unusable_input_is_named(change, named):
+    arguments = {"objective": sphere, "bounds": [(-2, 3), (10, 50)], "generations": 3, "rng": 0} | change
+    with pytest.raises(ValueError, match=named):
+        minimize_genetic(arguments.pop("objective"), arguments.pop("bounds"), **arguments)

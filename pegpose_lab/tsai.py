@@ -1,0 +1,351 @@
+r"""Stage 1 (Sect. 3.1, Table 1 "linear"): Tsai's radial alignment method, in sensor coordinates.
+
+Radial distortion moves an image point along the line to the principal point, so it cannot change the
+direction (x_d, y_d), and
+
+.. math:: x_d\,(r_4 x + r_5 y + r_6 z + T_y) = y_d\,(r_1 x + r_2 y + r_3 z + T_x)
+
+holds with distortion or without.  Divided by T_y it is linear in seven ratios, in five for a plane z = 0.
+They give R, T_x and T_y; then the distortion-free projection of y gives f and T_z, again linearly:
+
+.. math:: f\,(r_4 x + r_5 y + r_6 z + T_y) - y_d\,T_z = y_d\,(r_7 x + r_8 y + r_9 z)
+
+Source: R. Y. Tsai, IEEE J. Robotics and Automation 3(4), 323-344, 1987 (the paper's ref. 15); the numerically
+stable T_y^2, the sign conventions and the guards are stated with the functions.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from .checks import CalibrationError, as_matched_points
+
+PLANE_TOLERANCE = 1e-6
+"""Points are a plane (a line) if they leave it by less than this fraction of their extent."""
+
+SMALLEST_TY = 0.05
+"""The world origin is moved if its |y_c| is below this fraction of the largest |y_c| of the points."""
+
+SMALLEST_TILT = 0.05
+"""Degrees between the optical axis and a plane's normal below which f is never determined."""
+
+TILT_SIGNIFICANCE = 4.0
+"""Standard deviations that sin^2(tilt) must differ from zero, else the plane may be fronto-parallel."""
+
+SMALL_TILT = 10.0
+"""Degrees of tilt below which f is flagged."""
+
+LOOSE_INTERVAL = 0.25
+"""Half-width of the 95 % interval of f, as a fraction of f, above which f is flagged."""
+
+CONFIDENCE = 1.96
+"""Standard deviations of half a 95 % interval."""
+
+
+@dataclass(frozen=True, eq=False)
+class TsaiSolution:
+    """The linear solution of one view.
+
+    Attributes
+    ----------
+    rotation : Rotation
+        Of the object's frame into the camera's.
+    translation : (3,) ndarray
+        T_x, T_y, T_z, mm.
+    focal_length : float
+        f, mm.
+    scale_x : float
+        Horizontal scale left in the sensor points; 1 for a plane, which cannot show it.
+    tilt : float
+        Angle between the optical axis and the object's z axis, degrees, 0 to 90.
+    focal_length_sigma : float
+        Standard deviation of f, mm, by noise alone; the bias that neglected distortion gives f is not in it.
+    flags : tuple of str
+        What the reader must know, in sentences.
+    """
+
+    rotation: Rotation
+    translation: np.ndarray
+    focal_length: float
+    scale_x: float
+    tilt: float
+    focal_length_sigma: float
+    flags: tuple = ()
+
+
+def is_planar(object_points):
+    """Whether the points have one z, to `PLANE_TOLERANCE` of their extent: then `solve_coplanar` is for them."""
+    extent = np.ptp(object_points, axis=0)
+    return bool(extent[2] <= PLANE_TOLERANCE * np.hypot(extent[0], extent[1]))
+
+
+def solve_coplanar(object_points, sensor_points):
+    r"""Tsai's method for points of one plane z = const of the object's frame.
+
+    The five ratios :math:`U = (r_1, r_2, T_x, r_4, r_5) / T_y` solve
+
+    .. math:: [y_d x,\; y_d y,\; y_d,\; -x_d x,\; -x_d y]\, U = x_d
+
+    by least squares with scaled columns.  With :math:`S = U_1^2 + U_2^2 + U_4^2 + U_5^2` and
+    :math:`D = U_1 U_5 - U_2 U_4`, :math:`T_y^2 = 2 / (S + \sqrt{S^2 - 4 D^2})`: the textbook's
+    :math:`(S - \sqrt{S^2 - 4 D^2}) / (2 D^2)` without its cancellation at D = 0.
+
+    The system is solved at the given origin.  If that is imaged near the camera's x axis (its |y_c| below
+    5 % of the largest |y_c| of the points), T_y is near 0 and cannot be divided by: the origin is then
+    moved to the point imaged farthest from that axis, and moved back in the end.
+
+    Parameters
+    ----------
+    object_points : (n, 3) array_like
+        mm, n >= 5, with equal z; for points that are not a plane see `solve_noncoplanar`.
+    sensor_points : (n, 2) array_like
+        Distorted sensor coordinates from the principal point, mm (`TsaiCamera.to_sensor`).
+
+    Returns
+    -------
+    TsaiSolution
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable: fewer than five points, on a line, not of one z.
+    CalibrationError
+        If the plane is seen from straight ahead as far as the noise can tell, or f is otherwise undetermined.
+    """
+    object_points, sensor_points = as_matched_points(object_points, sensor_points, 5)
+    if not is_planar(object_points):
+        raise ValueError(
+            f"object_points differ by {np.ptp(object_points[:, 2]):g} mm in z; expected a plane z = const "
+            "(describe a board in its own frame; for points that are not a plane use solve_noncoplanar)"
+        )
+    _demand_spread(object_points[:, :2], "object_points", "line")
+    _demand_spread(sensor_points, "image_points", "line")
+    shift = np.array([0.0, 0.0, object_points[0, 2]])
+    if _origin_near_x_axis(object_points[:, :2], sensor_points):
+        shift = _point_off_x_axis(object_points, sensor_points)
+    return _solve((object_points - shift)[:, :2], sensor_points, shift)
+
+
+def solve_noncoplanar(object_points, sensor_points):
+    r"""Tsai's method for points that are not a plane; it also gives the horizontal scale s_x.
+
+    The seven ratios :math:`U = (s_x r_1, s_x r_2, s_x r_3, s_x T_x, r_4, r_5, r_6) / T_y` solve the radial
+    alignment equations by least squares with scaled columns;
+    :math:`|T_y| = (U_5^2 + U_6^2 + U_7^2)^{-1/2}`, :math:`s_x = |T_y| (U_1^2 + U_2^2 + U_3^2)^{1/2}`.
+    The rows are completed by their cross product and projected on SO(3).  The origin is moved by the
+    rule of `solve_coplanar`.
+
+    Parameters
+    ----------
+    object_points : (n, 3) array_like
+        mm, n >= 7, not of one plane.
+    sensor_points : (n, 2) array_like
+        Distorted sensor coordinates from the principal point, mm.
+
+    Returns
+    -------
+    TsaiSolution
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable: fewer than seven points, or of one plane.
+    CalibrationError
+        If the view does not determine f.
+    """
+    object_points, sensor_points = as_matched_points(object_points, sensor_points, 7)
+    _demand_spread(object_points, "object_points", "plane")
+    _demand_spread(sensor_points, "image_points", "line")
+    shift = np.zeros(3)
+    if _origin_near_x_axis(object_points, sensor_points):
+        shift = _point_off_x_axis(object_points, sensor_points)
+    return _solve(object_points - shift, sensor_points, shift)
+
+
+def _demand_spread(points, name, degenerate):
+    """Refuse points that lie on a line (2-D) or in a plane (3-D)."""
+    singular = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if singular[-1] <= PLANE_TOLERANCE * singular[0]:
+        raise ValueError(f"{name} of shape {points.shape} lie on one {degenerate}; expected a spread of points")
+
+
+def _origin_near_x_axis(points, sensor_points):
+    """Whether T_y is too small to divide by, seen from the homogeneous system, which does not divide."""
+    d = points.shape[1]
+    design = np.hstack([_design(points, sensor_points), -sensor_points[:, :1]])
+    scale = _column_norms(design)
+    null = np.linalg.svd(design / scale, full_matrices=False)[2][-1] / scale
+    y_c = points @ null[d + 1 : -1] + null[-1]
+    return abs(null[-1]) < SMALLEST_TY * np.abs(y_c).max()
+
+
+def _point_off_x_axis(object_points, sensor_points):
+    """The point imaged farthest from the camera's x axis."""
+    return object_points[np.argmax(np.abs(sensor_points[:, 1]))]
+
+
+def _solve(points, sensor_points, shift):
+    """Solve a plane, points (n, 2), or a body, (n, 3), with its origin at `shift`; judge the result."""
+    ratios = _solve_ratios(points, sensor_points)
+    rotation, translation, focal_length, scale_x = _estimate(points, sensor_points, ratios)
+    tilt = float(np.degrees(np.arcsin(min(np.sqrt(_squared_sine(rotation)), 1.0))))
+    planar = points.shape[1] == 2
+    if planar and tilt < SMALLEST_TILT:
+        raise _fronto_parallel(tilt)
+    sigma, sine_sigma = _propagate(points, sensor_points, ratios)
+    if planar and _squared_sine(rotation) < TILT_SIGNIFICANCE * sine_sigma:
+        raise _fronto_parallel(tilt)
+    _demand_view(points, rotation, translation, focal_length)
+    flags = _judge(focal_length, sigma, tilt if planar else None)
+    translation = translation - rotation.apply(shift)
+    return TsaiSolution(rotation, translation, float(focal_length), float(scale_x), tilt, float(sigma), flags)
+
+
+def _design(points, sensor_points):
+    """Rows [y_d p, y_d, -x_d p] of the radial alignment equations; their right-hand side is x_d."""
+    x_d, y_d = sensor_points[:, :1], sensor_points[:, 1:]
+    return np.hstack([y_d * points, y_d, -x_d * points])
+
+
+def _column_norms(matrix):
+    norms = np.linalg.norm(matrix, axis=0)
+    return np.where(norms > 0, norms, 1.0)
+
+
+def _solve_ratios(points, sensor_points):
+    """Least squares U; a lost rank is an error."""
+    design = _design(points, sensor_points)
+    scale = _column_norms(design)
+    solution, _, rank, _ = np.linalg.lstsq(design / scale, sensor_points[:, 0], rcond=1e-12)
+    if rank < design.shape[1]:
+        raise CalibrationError(
+            f"the radial alignment equations have rank {rank} of {design.shape[1]}: the points do not determine "
+            "the pose (too many of them on a line or a conic); use points spread over the picture"
+        )
+    return solution / scale
+
+
+def _estimate(points, sensor_points, ratios):
+    """All that follows from the ratios: rotation, translation, f, s_x."""
+    first, second, ty, scale_x = _rows_of_plane(ratios) if len(ratios) == 5 else _rows_of_body(ratios)
+    sign = _sign_of_ty(points, sensor_points, ratios)
+    rows = np.array([sign * first, sign * second, np.cross(first, second)])
+    rotation = Rotation.from_matrix(rows)  # projects on SO(3)
+    tx, ty = sign * ratios[points.shape[1]] * ty / scale_x, sign * ty
+    side = sensor_points[:, 1] * (points @ rotation.as_matrix()[2, : points.shape[1]])
+    focal_length, depth = _depth_inverse(points, sensor_points, rotation, ty) @ side
+    if focal_length < 0 and len(ratios) == 5:  # the other choice of r3, r6, and with them r7, r8, is right
+        rotation = Rotation.from_matrix(rotation.as_matrix() * [[1, 1, -1], [1, 1, -1], [-1, -1, 1]])
+        focal_length, depth = -focal_length, -depth
+    return rotation, np.array([tx, ty, depth]), focal_length, scale_x
+
+
+def _rows_of_plane(ratios):
+    """The first two rows of R with one of the two choices of (r3, r6), T_y > 0, and s_x = 1."""
+    u1, u2, _, u4, u5 = ratios
+    s, d = u1**2 + u2**2 + u4**2 + u5**2, u1 * u5 - u2 * u4
+    ty = np.sqrt(2 / (s + np.sqrt(max(s**2 - 4 * d**2, 0.0))))
+    r1, r2, r4, r5 = u1 * ty, u2 * ty, u4 * ty, u5 * ty
+    product = -(r1 * r4 + r2 * r5)  # the rows are orthogonal: this is r3 r6
+    larger = np.sqrt(max(1 - r1**2 - r2**2, 1 - r4**2 - r5**2, 0.0))
+    smaller = product / larger if larger > 0 else 0.0  # its own square root would lose half the digits near 0
+    r3, r6 = (larger, smaller) if r1**2 + r2**2 < r4**2 + r5**2 else (smaller, larger)
+    return np.array([r1, r2, r3]), np.array([r4, r5, r6]), ty, 1.0
+
+
+def _rows_of_body(ratios):
+    """The first two rows of R, orthogonal but for noise, T_y > 0, and s_x."""
+    ty = 1 / np.linalg.norm(ratios[4:])
+    scale_x = ty * np.linalg.norm(ratios[:3])
+    return ratios[:3] * ty / scale_x, ratios[4:] * ty, ty, scale_x
+
+
+def _sign_of_ty(points, sensor_points, ratios):
+    """The sign of T_y for which more coordinates fall on the side of the axis where they were seen."""
+    x_c, y_c = _scaled_coordinates(points, ratios)
+    votes = np.sign(x_c * sensor_points[:, 0]) + np.sign(y_c * sensor_points[:, 1])
+    return 1.0 if votes.sum() >= 0 else -1.0
+
+
+def _scaled_coordinates(points, ratios):
+    """s_x x_c / T_y and y_c / T_y of the points."""
+    d = points.shape[1]
+    return points @ ratios[:d] + ratios[d], points @ ratios[d + 1 :] + 1
+
+
+def _depth_inverse(points, sensor_points, rotation, ty):
+    """Pseudo-inverse (2, n) of the system f y_c - y_d T_z = y_d (r7 x + r8 y + r9 z) for (f, T_z)."""
+    y_c = points @ rotation.as_matrix()[1, : points.shape[1]] + ty
+    design = np.column_stack([y_c, -sensor_points[:, 1]])
+    scale = _column_norms(design)
+    return np.linalg.pinv(design / scale) / scale[:, None]
+
+
+def _squared_sine(rotation):
+    """sin^2 of the angle between the optical axis and the object's z axis."""
+    return np.sum(rotation.as_matrix()[2, :2] ** 2)
+
+
+def _propagate(points, sensor_points, ratios):
+    """Standard deviations of f and of sin^2(tilt), from the noise that the radial alignment shows.
+
+    Distortion moves a point along its radius, so it is not mistaken for noise.  First order: the noise
+    moves the ratios, and with them R, T_y and f, and it moves the y_d from which f is solved.
+    """
+    x_c, y_c = _scaled_coordinates(points, ratios)  # the equations' derivatives are (-y_c, x_c)
+    design = _design(points, sensor_points)
+    residuals = (design @ ratios - sensor_points[:, 0]) / np.maximum(np.hypot(x_c, y_c), 1e-300)
+    noise = np.sqrt(np.sum(residuals**2) / max(len(points) - len(ratios), 1))
+    scale = _column_norms(design)
+    inverse = np.linalg.pinv(design / scale) / scale[:, None]
+    by_residual = -_gradient(points, sensor_points, ratios, scale) @ inverse
+    rotation, translation, _, _ = _estimate(points, sensor_points, ratios)
+    depth = points @ rotation.as_matrix()[2, : points.shape[1]] + translation[2]
+    direct = _depth_inverse(points, sensor_points, rotation, translation[1])[0] * depth
+    by_y = by_residual * x_c + np.array([direct, np.zeros(len(points))])
+    return noise * np.sqrt(np.sum((by_residual * y_c) ** 2 + by_y**2, axis=1))
+
+
+def _gradient(points, sensor_points, ratios, scale):
+    """Central differences (2, len(ratios)) of f and sin^2(tilt)."""
+    steps = np.diag(1e-6 * np.linalg.norm(ratios * scale) / scale)
+
+    def outcome(moved):
+        rotation, _, focal_length, _ = _estimate(points, sensor_points, moved)
+        return np.array([focal_length, _squared_sine(rotation)])
+
+    return np.array([(outcome(ratios + step) - outcome(ratios - step)) / (2 * step.sum()) for step in steps]).T
+
+
+def _fronto_parallel(tilt):
+    return CalibrationError(
+        f"the plane is seen from straight ahead (tilt {tilt:.2g} deg, not distinguishable from 0): f and T_z "
+        "trade off and are not determined; tilt the board by about 30 deg"
+    )
+
+
+def _demand_view(points, rotation, translation, focal_length):
+    """Refuse a solution with f <= 0 or a point behind the camera."""
+    nearest = (points @ rotation.as_matrix()[2, : points.shape[1]]).min() + translation[2]
+    if not (focal_length > 0 and nearest > 0):
+        raise CalibrationError(
+            f"the linear solution has f = {focal_length:.4g} mm and its nearest point at depth {nearest:.4g} mm, "
+            "which no camera has; check the points' order and that their axes are right-handed, and tilt more"
+        )
+
+
+def _judge(focal_length, sigma, tilt):
+    """Flags of a solution; `CalibrationError` if the 95 % interval of f reaches zero."""
+    half = CONFIDENCE * sigma
+    interval = f"95 % interval of f, by noise alone: {focal_length - half:.4g} to {focal_length + half:.4g} mm"
+    if half >= focal_length:
+        raise CalibrationError(
+            f"the view does not determine f ({interval}); tilt the board by about 30 deg, bring it nearer "
+            "or use more points"
+        )
+    if tilt is not None and tilt < SMALL_TILT:
+        return (f"The plane is tilted by {tilt:.1f} deg only, so f and T_z trade off ({interval}); tilt it more.",)
+    if half > LOOSE_INTERVAL * focal_length:
+        return (f"The view hardly determines f ({interval}); tilt the board more or use more points.",)
+    return ()
