@@ -1,0 +1,236 @@
+"""One style for every figure: ``plot_*(ax, ...)`` draws into given axes, `save_figure` writes the files.
+
+Each method keeps its colour everywhere (`COLORS`, the Okabe-Ito palette, which colour-blind readers can tell
+apart).  `digest` prints what a figure shows, because a notebook's pictures are not compared when it is tested.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.patches import Ellipse
+
+from .results import output_folder, replacing
+
+COLORS = {
+    "paper": "#000000",
+    "truth": "#666666",
+    "linear": "#E69F00",
+    "genetic": "#D55E00",
+    "zhang": "#0072B2",
+    "joint": "#009E73",
+    "oracle": "#CC79A7",
+    "measured": "#56B4E9",
+}
+
+STYLE = {
+    "figure.dpi": 100,
+    "figure.constrained_layout.use": True,
+    "font.size": 10,
+    "axes.titlesize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "image.cmap": "gray",
+    "lines.linewidth": 1.5,
+    "pdf.fonttype": 42,
+}
+
+
+def figure(width=7.0, height=3.6, rows=1, columns=1, **options):
+    """Return (figure, axes) in the project's style; width and height in inches."""
+    plt.rcParams.update(STYLE)
+    return plt.subplots(rows, columns, figsize=(width, height), **options)
+
+
+def save_figure(fig, name):
+    """Write `fig` as figures/<name>.png and .pdf below the output folder; the same figure gives the same bytes."""
+    folder = output_folder() / "figures"
+    with replacing(folder / f"{name}.png") as path:
+        fig.savefig(path, format="png", dpi=200, metadata={"Software": None})
+    with replacing(folder / f"{name}.pdf") as path:
+        fig.savefig(path, format="pdf", dpi=200, metadata={"CreationDate": None, "Creator": None, "Producer": None})
+
+
+def digest(decimals=4, /, **arrays):
+    """Print shape, mean, standard deviation, minimum and maximum of each named array that a figure shows."""
+    for name, array in arrays.items():
+        values = np.asarray(array, dtype=float)
+        numbers = (values.mean(), values.std(), values.min(), values.max())
+        text = "  ".join(f"{label} {_rounded(number, decimals)}" for label, number in zip(("mean", "sd", "min", "max"), numbers))
+        print(f"{name} {values.shape}: {text}")
+
+
+def _rounded(number, decimals):
+    """Fixed decimals, without a minus sign before zero."""
+    return f"{round(number, decimals) + 0.0:.{decimals}f}"
+
+
+def plot_image(ax, image, title=None, *, limits=None):
+    """Show a picture with pixel coordinates; `limits` = (left, right, top, bottom) px to zoom."""
+    ax.imshow(image, vmin=0, vmax=255 if np.asarray(image).dtype == np.uint8 else None, interpolation="nearest")
+    if limits is not None:
+        left, right, top, bottom = limits
+        ax.set(xlim=(left, right), ylim=(bottom, top))
+    ax.set(xlabel="x (px)", ylabel="y (px)", title=title)
+
+
+def plot_histogram(ax, image, thresholds=(), *, bins=256):
+    """Histogram of grey values on a logarithmic scale, with the thresholds as vertical lines."""
+    counts, edges = np.histogram(image, bins=bins, range=(0, 256))
+    ax.stairs(counts, edges, fill=True, color=COLORS["measured"])
+    for threshold in np.atleast_1d(thresholds):
+        ax.axvline(threshold, color=COLORS["genetic"], label=f"threshold {threshold:.0f}")
+    ax.set(xlabel="grey value", ylabel="pixels", yscale="log", xlim=(0, 255))
+    if np.size(thresholds):
+        ax.legend()
+    return counts
+
+
+def plot_circles(ax, centers, radii, *, color=COLORS["genetic"], label=None):
+    """Circles with their centres."""
+    for center, radius in zip(np.atleast_2d(centers), np.atleast_1d(radii)):
+        ax.add_patch(plt.Circle(center, radius, fill=False, color=color, linewidth=1.2))
+    ax.plot(*np.atleast_2d(centers).T, "+", color=color, markersize=7, label=label)
+
+
+def plot_ellipses(ax, centers, semi_axes, angles, *, color=COLORS["joint"], label=None):
+    """Ellipses with their centres; semi-axes px, angles rad."""
+    for center, (major, minor), angle in zip(centers, semi_axes, angles):
+        ax.add_patch(Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2))
+    ax.plot(*np.atleast_2d(centers).T, "x", color=color, markersize=5, label=label)
+
+
+def plot_pegs(ax, observation, *, color=COLORS["genetic"]):
+    """Labelled pegs, screws, bore and hub centre of a `PegObservation` (Fig. 3)."""
+    plot_circles(ax, observation.peg_centers, observation.peg_radii, color=color)
+    for number, center in enumerate(observation.peg_centers, 1):
+        ax.annotate(str(number), center, xytext=(6, 6), textcoords="offset points", color=color, weight="bold", fontsize=12)
+    plot_circles(ax, [observation.bore_center], [observation.bore_radius], color=COLORS["measured"])
+    ax.plot(*observation.screw_centers.T, "^", color=COLORS["linear"], markersize=6)
+    for number, center in enumerate(observation.screw_centers, 1):
+        ax.annotate(f"s{number}", center, xytext=(6, 4), textcoords="offset points", color=COLORS["linear"])
+    ax.plot(*observation.hub_center, "o", color=COLORS["joint"], markersize=4)
+
+
+def plot_residuals(ax, image_points, residuals, *, scale=1000.0, color=COLORS["genetic"], image_size=None):
+    """Residuals as arrows, `scale` times enlarged, with the longest one's length in the title."""
+    ax.quiver(*image_points.T, *residuals.T, angles="xy", scale_units="xy", scale=1 / scale, color=color, width=0.003)
+    longest = np.hypot(*residuals.T).max()
+    ax.set(xlabel="x (px)", ylabel="y (px)", title=f"residuals x {scale:g}; longest {longest:.3f} px", aspect="equal")
+    if image_size is not None:
+        ax.set(xlim=(0, image_size[0]), ylim=(image_size[1], 0))
+
+
+def plot_convergence(ax, histories, *, label, color, floor=None):
+    """Best objective over the generations, one line for each history (seed)."""
+    for number, history in enumerate(histories):
+        ax.semilogy(history["generation"], history["best"], color=color, alpha=0.6, label=label if number == 0 else None)
+    if floor is not None:
+        ax.axhline(floor, color=COLORS["oracle"], linestyle="--", label="optimum in the box")
+    ax.set(xlabel="generation", ylabel="best mean distance (px)")
+
+
+def plot_valley(ax, focal_lengths, depths, objective, *, population=None, color=COLORS["genetic"]):
+    """Contours of log10 of the objective over (f, T_z), with a population on top.
+
+    `objective` is (len(depths), len(focal_lengths)).
+    """
+    levels = np.linspace(*np.percentile(np.log10(objective), [0, 100]), 16)
+    filled = ax.contourf(focal_lengths, depths, np.log10(objective), levels=levels, cmap="cividis")
+    if population is not None:
+        ax.plot(*np.asarray(population).T, ".", color=color, markersize=4)
+    ax.set(xlabel="focal length f (mm)", ylabel="$T_z$ (mm)")
+    return filled
+
+
+def plot_map(ax, x, y, values):
+    """Filled contours of `values` (len(y), len(x)); returns them for a colour bar."""
+    filled = ax.contourf(x, y, values, levels=16, cmap="cividis")
+    ax.set_aspect("equal")
+    return filled
+
+
+def plot_error_histogram(ax, distances, *, limit=None, bins=None, color=COLORS["genetic"], label=None):
+    """Frequency of re-projection distances (Fig. 6), with the share below `limit` in the legend."""
+    edges = np.linspace(0, max(distances.max(), limit or 0) * 1.02, 25) if bins is None else bins
+    if limit is not None:
+        label = f"{label + ': ' if label else ''}{100 * np.mean(distances < limit):.0f} % below {limit:g} px"
+        ax.axvline(limit, color=COLORS["paper"], linestyle=":")
+    ax.hist(distances, bins=edges, color=color, alpha=0.75, label=label)
+    ax.set(xlabel="re-projection distance (px)", ylabel="points")
+    if label:
+        ax.legend()
+
+
+def plot_error_scatter(ax, residuals, *, color=COLORS["genetic"], label=None, limit=None):
+    """Re-projection errors in x and y (Fig. 7), with a circle at `limit`."""
+    ax.plot(*residuals.T, ".", color=color, markersize=3, alpha=0.6, label=label)
+    if limit is not None:
+        ax.add_patch(plt.Circle((0, 0), limit, fill=False, color=COLORS["paper"], linestyle=":"))
+    ax.axhline(0, color="0.85", zorder=0, linewidth=0.8)
+    ax.axvline(0, color="0.85", zorder=0, linewidth=0.8)
+    ax.set(xlabel="error in x (px)", ylabel="error in y (px)", aspect="equal")
+    if label:
+        ax.legend()
+
+
+def plot_bars(ax, names, values, *, colors, unit):
+    """One horizontal bar for each method, its value written behind it."""
+    positions = np.arange(len(names))
+    ax.barh(positions, values, color=colors, height=0.6)
+    for position, value in zip(positions, values):
+        ax.annotate(f"{value:.4g}", (value, position), xytext=(4, 0), textcoords="offset points", va="center")
+    ax.set(yticks=positions, yticklabels=names, xlabel=unit)
+    ax.invert_yaxis()
+    ax.margins(x=0.15)
+
+
+def plot_dots(ax, names, values, *, colors, unit, printed=(), logarithmic=False):
+    """Dots in a row for each name, one colour for each method; printed numbers as dotted vertical lines.
+
+    `values` maps a method to as many numbers as there are `names`, `colors` a method to its colour.
+    """
+    rows = np.arange(len(names))
+    for method, (label, numbers) in enumerate(values.items()):
+        dodge = 0.16 * (method - (len(values) - 1) / 2)
+        ax.plot(numbers, rows + dodge, "o", color=colors[label], markersize=5, label=label)
+    for number in printed:
+        ax.axvline(number, color=COLORS["paper"], linestyle=":", linewidth=1.2)
+        ax.annotate(
+            f"{number:g}", (number, 1), xycoords=("data", "axes fraction"), xytext=(0, 2),
+            textcoords="offset points", ha="center", fontsize=8,
+        )
+    for boundary in rows[1:] - 0.5:
+        ax.axhline(boundary, color="0.92", linewidth=0.8, zorder=0)
+    ax.set(yticks=rows, yticklabels=names, xlabel=unit, ylim=(len(rows) - 0.5, -0.5))
+    if logarithmic:
+        ax.set_xscale("log")
+
+
+def plot_profiles(ax, x, values, *, colors, xlabel, ylabel):
+    """One line over `x` for each label of `values`."""
+    for label, numbers in values.items():
+        ax.plot(x, numbers, color=colors[label], label=label)
+    ax.set(xlabel=xlabel, ylabel=ylabel)
+
+
+def plot_quadrilateral(ax, corners, *, color, label=None, lengths=None):
+    """Closed outline of four or more corners (n, 2) px, with a text at the middle of each side (y down)."""
+    ax.plot(*np.vstack([corners, corners[:1]]).T, "o-", color=color, markersize=5, label=label)
+    middle = np.mean(corners, axis=0)
+    for text, start, end in zip(lengths or (), corners, np.roll(corners, -1, axis=0)):
+        side = (start + end) / 2
+        ax.annotate(text, side + 0.17 * (middle - side), ha="center", va="center", color=color)
+    ax.set(xlabel="x (px)", ylabel="y (px)", aspect="equal")
+    if not ax.yaxis_inverted():
+        ax.invert_yaxis()
+
+
+def plot_block_means(ax, table, *, color=COLORS["paper"], label="paper"):
+    """Table 3: mean of each block of frames with its standard error sd / sqrt(frames) (see `paper.table3`)."""
+    count = table["last_frame"] - table["first_frame"] + 1
+    middle = (table["first_frame"] + table["last_frame"]) / 2
+    ax.errorbar(
+        middle, table["mean_mm"], table["sd_mm"] / np.sqrt(count), (count - 1) / 2,
+        fmt="s", color=color, markersize=5, capsize=3, label=label,
+    )
+    ax.set(xlabel="frame", ylabel="error of the radius (mm)")

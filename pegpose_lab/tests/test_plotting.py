@@ -1,0 +1,296 @@
+"""Figures: the same bytes each time, whole files only, and artists that hold the data they were given."""
+
+import warnings
+from types import SimpleNamespace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.patches import Circle, Ellipse
+from numpy.testing import assert_allclose
+
+from pegpose_lab import plotting
+
+
+@pytest.fixture
+def axes():
+    fig, ax = plotting.figure()
+    yield ax
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fig.canvas.draw()
+    plt.close(fig)
+
+
+@pytest.fixture
+def output(tmp_path, monkeypatch):
+    monkeypatch.setenv("PEGPOSE_OUTPUT", str(tmp_path))
+    return tmp_path / "figures"
+
+
+def make_figure(seed=0):
+    fig, ax = plotting.figure()
+    plotting.plot_error_scatter(ax, np.random.default_rng(seed).normal(size=(50, 2)), label="genetic", limit=2.0)
+    return fig
+
+
+# ---- files ----
+
+
+def test_same_figure_gives_same_bytes(output):
+    contents = []
+    for _ in range(2):
+        fig = make_figure()
+        plotting.save_figure(fig, "fig07_scatter")
+        plt.close(fig)
+        contents.append([(output / f"fig07_scatter.{kind}").read_bytes() for kind in ("png", "pdf")])
+    assert contents[0] == contents[1]
+    png, pdf = contents[0]
+    assert png.startswith(b"\x89PNG") and pdf.startswith(b"%PDF")
+    assert b"CreationDate" not in pdf and b"Software" not in png
+
+
+def test_saving_one_figure_again_gives_same_bytes(output):
+    fig = make_figure()
+    contents = []
+    for name in ("first", "second"):
+        plotting.save_figure(fig, name)
+        contents.append([(output / f"{name}.{kind}").read_bytes() for kind in ("png", "pdf")])
+    plt.close(fig)
+    assert contents[0] == contents[1]
+
+
+def test_other_data_give_other_bytes(output):
+    pictures = []
+    for seed in (0, 1):
+        fig = make_figure(seed)
+        plotting.save_figure(fig, "scatter")
+        plt.close(fig)
+        pictures.append([(output / f"scatter.{kind}").read_bytes() for kind in ("png", "pdf")])
+    assert pictures[0][0] != pictures[1][0] and pictures[0][1] != pictures[1][1]
+
+
+@pytest.mark.parametrize("kind", ["png", "pdf"])
+def test_an_interrupted_save_leaves_the_old_file(kind, output):
+    fig = make_figure()
+    plotting.save_figure(fig, "scatter")
+    before = {path.name: path.read_bytes() for path in output.iterdir()}
+    write = fig.savefig
+
+    def interrupted(path, **options):
+        if options["format"] == kind:
+            path.write_bytes(b"half a file")
+            raise KeyboardInterrupt
+        write(path, **options)
+
+    fig.savefig = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        plotting.save_figure(fig, "scatter")
+    plt.close(fig)
+    assert {path.name: path.read_bytes() for path in output.iterdir()} == before
+
+
+# ---- digest ----
+
+
+def test_digest_text(capsys):
+    plotting.digest(2, corners=np.array([[1.0, 2.0], [3.0, 6.0]]), zero=[-0.001, 0.001])
+    assert capsys.readouterr().out.splitlines() == [
+        "corners (2, 2): mean 3.00  sd 1.87  min 1.00  max 6.00",
+        "zero (2,): mean 0.00  sd 0.00  min 0.00  max 0.00",
+    ]
+
+
+def test_digest_takes_an_array_named_decimals(capsys):
+    plotting.digest(decimals=[1.0, 2.0])
+    assert capsys.readouterr().out == "decimals (2,): mean 1.5000  sd 0.5000  min 1.0000  max 2.0000\n"
+
+
+def test_digest_tells_a_changed_value(capsys):
+    values = np.linspace(0, 1, 50)
+    plotting.digest(x=values)
+    plotting.digest(x=values + np.where(np.arange(50) == 7, 0.05, 0))
+    first, second = capsys.readouterr().out.splitlines()
+    assert first != second
+
+
+# ---- style ----
+
+
+def test_colors_are_distinct_and_readable():
+    assert len({to_hex(color) for color in plotting.COLORS.values()}) == len(plotting.COLORS)
+    assert {"paper", "truth", "linear", "genetic", "zhang", "joint", "oracle", "measured"} <= set(plotting.COLORS)
+
+
+def test_figure_has_the_style():
+    fig, axes = plotting.figure(6.0, 3.0, rows=2, columns=3)
+    assert axes.shape == (2, 3) and tuple(fig.get_size_inches()) == (6.0, 3.0)
+    assert not axes[0, 0].spines["top"].get_visible() and fig.get_layout_engine() is not None
+    plt.close(fig)
+
+
+# ---- plots ----
+
+
+def test_image(axes):
+    image = np.arange(60, dtype=np.uint8).reshape(6, 10)
+    plotting.plot_image(axes, image, "a title", limits=(1, 8, 2, 5))
+    assert np.array_equal(axes.images[0].get_array(), image)
+    assert axes.images[0].get_clim() == (0, 255)
+    assert axes.get_xlim() == (1, 8) and axes.get_ylim() == (5, 2)
+    assert axes.get_title() == "a title" and "px" in axes.get_xlabel()
+
+
+def test_image_has_y_down_and_pixel_centres_at_whole_numbers(axes):
+    plotting.plot_image(axes, np.zeros((6, 10), np.uint8))
+    assert axes.get_xlim() == (-0.5, 9.5) and axes.get_ylim() == (5.5, -0.5)
+
+
+def test_histogram(axes):
+    image = np.array([[0, 0, 255], [7, 7, 7]], np.uint8)
+    counts = plotting.plot_histogram(axes, image, thresholds=[100.0, 130.0])
+    assert counts.sum() == 6 and counts[0] == 2 and counts[7] == 3 and counts[255] == 1
+    assert np.array_equal(axes.patches[0].get_data().values, counts)
+    assert [line.get_xdata()[0] for line in axes.lines] == [100.0, 130.0]
+    assert axes.get_yscale() == "log"
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_circles(count, axes):
+    rng = np.random.default_rng(count)
+    centers, radii = rng.uniform(0, 100, (count, 2)), rng.uniform(3, 9, count)
+    plotting.plot_circles(axes, centers, radii)
+    circles = [patch for patch in axes.patches if isinstance(patch, Circle)]
+    assert_allclose([circle.center for circle in circles], centers)
+    assert_allclose([circle.radius for circle in circles], radii)
+    assert_allclose(axes.lines[0].get_xydata(), centers)
+
+
+def test_ellipses(axes):
+    centers, semi_axes, angles = np.array([[10.0, 20.0]]), np.array([[8.0, 5.0]]), np.array([0.3])
+    plotting.plot_ellipses(axes, centers, semi_axes, angles)
+    ellipse, = (patch for patch in axes.patches if isinstance(patch, Ellipse))
+    drawn = (*ellipse.center, ellipse.width, ellipse.height, ellipse.angle)
+    assert_allclose(drawn, (10, 20, 16, 10, np.rad2deg(0.3)))
+    tip = ellipse.get_patch_transform().transform([(1.0, 0.0)])[0]
+    assert_allclose(tip - centers[0], 8.0 * np.array([np.cos(0.3), np.sin(0.3)]))  # from x towards y
+
+
+def test_pegs(axes):
+    observation = SimpleNamespace(
+        peg_centers=np.array([[10.0, 10], [90, 12], [88, 92], [12, 90]]), peg_radii=np.full(4, 6.0),
+        bore_center=np.array([50.0, 51]), bore_radius=15.0, hub_center=np.array([50.0, 50.5]),
+        screw_centers=np.array([[10.0, 50], [90, 50]]),
+    )
+    plotting.plot_pegs(axes, observation)
+    labels = {text.get_text(): text.xy for text in axes.texts}
+    for number, center in enumerate(observation.peg_centers, 1):
+        assert_allclose(labels[str(number)], center)
+    for number, center in enumerate(observation.screw_centers, 1):
+        assert_allclose(labels[f"s{number}"], center)
+    drawn = np.vstack([line.get_xydata() for line in axes.lines])
+    for point in np.vstack([observation.peg_centers, observation.screw_centers, observation.hub_center]):
+        assert np.min(np.linalg.norm(drawn - point, axis=1)) == 0
+    assert {patch.radius for patch in axes.patches} == {6.0, 15.0}
+
+
+def test_residuals(axes):
+    points, residuals = np.array([[10.0, 20], [30, 40]]), np.array([[0.01, 0.02], [-0.03, 0.04]])
+    plotting.plot_residuals(axes, points, residuals, scale=100.0, image_size=(160, 120))
+    arrows, = axes.collections
+    assert_allclose(arrows.XY, points)
+    assert_allclose(np.column_stack([arrows.U, arrows.V]), residuals)
+    assert arrows.scale == pytest.approx(1 / 100.0) and arrows.angles == arrows.scale_units == "xy"
+    assert "0.050 px" in axes.get_title() and "100" in axes.get_title()
+    assert axes.get_ylim() == (120, 0)
+
+
+def test_convergence(axes):
+    histories = [pd.DataFrame({"generation": [0, 1, 2], "best": [1.0, 0.5, 0.2 + seed]}) for seed in range(3)]
+    plotting.plot_convergence(axes, histories, label="genetic", color="#D55E00", floor=0.1)
+    for line, history in zip(axes.lines, histories):
+        assert_allclose(line.get_xydata(), history[["generation", "best"]])
+    assert axes.lines[3].get_ydata()[0] == 0.1
+    assert axes.get_legend_handles_labels()[1] == ["genetic", "optimum in the box"]
+    assert axes.get_yscale() == "log"
+
+
+def test_valley(axes):
+    f, depths = np.linspace(40, 60, 21), np.linspace(200, 300, 11)
+    objective = 0.1 + np.hypot((f - 48) / 48, (depths[:, None] - 267) / 267)
+    population = np.array([[45.0, 250], [50, 280]])
+    filled = plotting.plot_valley(axes, f, depths, objective, population=population)
+    assert_allclose(axes.lines[0].get_xydata(), population)
+    assert_allclose(filled.levels[[0, -1]], [np.log10(objective.min()), np.log10(objective.max())])
+    assert axes.get_xlim() == (40, 60) and axes.get_ylim() == (200, 300)
+
+
+def test_error_histogram(axes):
+    distances = np.array([0.01, 0.02, 0.02, 0.05])
+    plotting.plot_error_histogram(axes, distances, limit=0.03, label="genetic")
+    assert sum(patch.get_height() for patch in axes.patches) == 4
+    label, = axes.get_legend_handles_labels()[1]
+    assert label == "genetic: 75 % below 0.03 px"
+    assert axes.lines[0].get_xdata()[0] == 0.03
+
+
+def test_error_scatter(axes):
+    residuals = np.random.default_rng(0).normal(0, 0.03, (40, 2))
+    plotting.plot_error_scatter(axes, residuals, limit=0.5)
+    assert_allclose(axes.lines[0].get_xydata(), residuals)
+    assert axes.patches[0].radius == 0.5 and axes.get_aspect() == 1.0
+
+
+def test_bars(axes):
+    plotting.plot_bars(axes, ["linear", "genetic"], [0.18, 0.031], colors=["#E69F00", "#D55E00"], unit="px")
+    assert_allclose([bar.get_width() for bar in axes.patches], [0.18, 0.031])
+    assert [text.get_text() for text in axes.texts] == ["0.18", "0.031"]
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["linear", "genetic"]
+    assert axes.yaxis_inverted() and axes.get_xlabel() == "px"
+
+
+def test_dots(axes):
+    values = {"linear": [0.3, 0.2], "zhang": [0.05, 0.06]}
+    plotting.plot_dots(
+        axes, ["view 1", "view 2"], values, colors=plotting.COLORS, unit="px", printed=[0.31], logarithmic=True
+    )
+    for line, (method, numbers) in zip(axes.lines, values.items()):
+        assert_allclose(line.get_xdata(), numbers)
+        assert_allclose(line.get_ydata(), [0, 1], atol=0.2)
+        assert line.get_color() == plotting.COLORS[method] and line.get_label() == method
+    assert axes.lines[0].get_ydata()[0] < axes.lines[1].get_ydata()[0]
+    assert axes.lines[2].get_xdata()[0] == 0.31 and [text.get_text() for text in axes.texts] == ["0.31"]
+    assert axes.yaxis_inverted() and axes.get_xscale() == "log" and axes.get_xlabel() == "px"
+
+
+def test_profiles(axes):
+    x, values = np.linspace(0, 1, 5), {"linear": np.arange(5.0), "genetic": np.ones(5)}
+    plotting.plot_profiles(axes, x, values, colors=plotting.COLORS, xlabel="f (mm)", ylabel="E (px)")
+    for line, (method, numbers) in zip(axes.lines, values.items()):
+        assert_allclose(line.get_xydata(), np.column_stack([x, numbers]))
+        assert line.get_color() == plotting.COLORS[method] and line.get_label() == method
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("f (mm)", "E (px)")
+
+
+def test_quadrilateral(axes):
+    corners = np.array([[10.0, 10], [90, 12], [88, 92], [12, 90]])
+    for _ in range(2):
+        plotting.plot_quadrilateral(axes, corners, color="k", lengths=["a", "b", "c", "d"])
+    assert_allclose(axes.lines[0].get_xydata(), corners[[0, 1, 2, 3, 0]])
+    assert axes.yaxis_inverted()
+    places = {text.get_text(): text.xy for text in axes.texts}
+    assert places["a"][1] < places["c"][1] and places["d"][0] < places["b"][0]
+
+
+def test_block_means(axes):
+    table = pd.DataFrame(
+        {"first_frame": [1, 11], "last_frame": [10, 35], "mean_mm": [0.5, -0.2], "sd_mm": [0.4, 0.5]}
+    )
+    plotting.plot_block_means(axes, table)
+    container, = axes.containers
+    assert_allclose(container.lines[0].get_xydata(), [[5.5, 0.5], [23, -0.2]])
+    across, along = (np.array(bars.get_segments()) for bars in container.lines[2])
+    assert_allclose(across[:, 1, 0] - across[:, 0, 0], [9, 24])
+    assert_allclose(along[:, 1, 1] - along[:, 0, 1], [0.8 / np.sqrt(10), 0.2])
