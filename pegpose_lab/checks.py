@@ -37,7 +37,7 @@ def as_points(points, dimension, name, minimum=1):
         If the shape, the number of points or a value is unusable.
     """
     try:
-        array = np.array(points, dtype=np.float64)
+        array = np.array(points, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} is not an array of numbers; expected shape (n, {dimension})") from error
     if array.ndim != 2 or array.shape[1] != dimension or len(array) < minimum:

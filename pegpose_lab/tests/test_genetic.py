@@ -198,7 +198,8 @@ def test_defaults_are_the_papers_and_the_stated_ones():
         minimize_genetic(sphere, [(-2, 3), (10, 50)], rng=1, **options).history for options in ({}, stated)
     )
     assert default.equals(explicit)
-    for name, other in {"alpha": 0.7, "mutation_index": 9.0, "mutation_rate": 0.06, "crossover": "printed"}.items():
+    others = {"alpha": 0.7, "mutation_index": 9.0, "mutation_rate": 0.06, "crossover": "printed"}
+    for name, other in others.items():
         changed = minimize_genetic(sphere, [(-2, 3), (10, 50)], rng=1, **(stated | {name: other}))
         assert not changed.history.equals(default), name
 
