@@ -1,0 +1,467 @@
+"""Pose of the hub from its pegs (Sect. 3.2), and the chain from the camera to the robot (Sect. 2, Eqs. 1 and 2).
+
+The image of a disc's centre is not the centre of the disc's image (Heikkila 2000): a disc nearer on one side
+appears larger there, and lens distortion adds to it.  Everything here therefore works with the images of whole
+discs: `project_discs` says where the centre of area and the mean radius of a disc's image lie, and
+`back_project_discs` inverts that on a known plane.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from .checks import CalibrationError, as_number, as_points
+
+_RIM_POINTS = 32  # sums over a smooth closed curve converge exponentially: this many reach rounding errors
+_POLISH_ROUNDS = 5
+
+
+# ---- discs in perspective ----
+
+
+def project_discs(camera, cam_from_object, centers, radii):
+    """Image of discs that lie in planes z = const of an object's frame.
+
+    Parameters
+    ----------
+    camera : TsaiCamera or OpenCVCamera
+    cam_from_object : RigidTransform
+    centers : (n, 3) array_like
+        mm, in the object's frame.
+    radii : (n,) array_like
+        mm.
+
+    Returns
+    -------
+    centers : (n, 2) ndarray
+        Centres of area of the images, px.
+    radii : (n,) ndarray
+        Radii of the circles of equal area, px.
+
+    Raises
+    ------
+    ValueError
+        If part of a disc lies behind the camera or has no image, or an argument is unusable.
+    """
+    centers = as_points(centers, 3, "centers")
+    radii = _as_radii(radii, len(centers), "radii")
+    angles = np.linspace(0, 2 * np.pi, _RIM_POINTS, endpoint=False)
+    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_RIM_POINTS)])
+    points = centers[:, None, :] + radii[:, None, None] * rim
+    outlines = camera.project(points.reshape(-1, 3), cam_from_object).reshape(len(centers), _RIM_POINTS, 2)
+    middle = outlines.mean(axis=1)
+    x, y = np.moveaxis(outlines - middle[:, None, :], 2, 0)
+    dx, dy = _derivative(x), _derivative(y)
+    area = np.mean(x * dy - y * dx, axis=1) / 2  # Green's theorem, all integrals over 2 pi
+    moments = np.stack([np.mean(x**2 * dy, axis=1), -np.mean(y**2 * dx, axis=1)], axis=1) / 2
+    return middle + moments / area[:, None], np.sqrt(2 * np.abs(area))
+
+
+def _derivative(curve):
+    """Derivative by the angle of samples (n, m) of periodic functions, by their Fourier series."""
+    order = np.arange(curve.shape[1] // 2 + 1)
+    return np.fft.irfft(1j * order * np.fft.rfft(curve, axis=1), curve.shape[1], axis=1)
+
+
+def back_project_discs(image_centers, image_radii, camera, cam_from_plane, *, iterations=6):
+    """Find the discs in the plane z = 0 of a frame whose images have given centres and radii.
+
+    Parameters
+    ----------
+    image_centers : (n, 2) array_like
+        Centres of area of the images (centres of the ellipses), px.
+    image_radii : (n,) array_like
+        Radii of the circles of equal area, px.
+    camera : TsaiCamera or OpenCVCamera
+    cam_from_plane : RigidTransform
+    iterations : int
+        Fixed-point iterations; the correction shrinks a hundredfold in each.
+
+    Returns
+    -------
+    centers : (n, 3) ndarray
+        mm, in the plane's frame, z = 0.
+    radii : (n,) ndarray
+        mm.
+
+    Raises
+    ------
+    ValueError
+        If a ray does not meet the plane in front of the camera, or an argument is unusable.
+    """
+    image_centers = as_points(image_centers, 2, "image_centers")
+    image_radii = _as_radii(image_radii, len(image_centers), "image_radii")
+    centers = camera.back_project(image_centers, cam_from_plane)
+    rim = camera.back_project(image_centers + image_radii[:, None] * (1, 0), cam_from_plane)
+    radii = np.linalg.norm(rim - centers, axis=1)
+    for _ in range(iterations):
+        seen, seen_radii = project_discs(camera, cam_from_plane, centers, radii)
+        shift = seen - camera.project(centers, cam_from_plane)
+        centers = camera.back_project(image_centers - shift, cam_from_plane)
+        radii = radii * image_radii / seen_radii
+    return centers, radii
+
+
+# ---- the hub ----
+
+
+@dataclass(frozen=True, eq=False)
+class HubPose:
+    """Where the hub is.
+
+    Attributes
+    ----------
+    cam_from_hub : RigidTransform
+        The paper's C_T_P.
+    x, y : float
+        Hub centre, mm in the frame of the plane of the peg tops; without such a plane in the camera frame.
+    theta : float
+        Turn about that frame's z axis, rad in (-pi, pi]: direction from the hub centre to peg 1 (Eq. 11).
+    peg_centers : (n, 3) ndarray
+        Each peg's measured centre in the plane of the peg tops, mm in the camera frame.
+    peg_radii : (n,) ndarray
+        Each peg's measured radius, mm.
+    residuals : (n, 2) ndarray
+        Projected minus measured centres of the pegs' images, px.
+    """
+
+    cam_from_hub: RigidTransform
+    x: float
+    y: float
+    theta: float
+    peg_centers: np.ndarray
+    peg_radii: np.ndarray
+    residuals: np.ndarray
+
+    @property
+    def rms(self):
+        """Root of the mean squared length of the residuals, px."""
+        return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
+
+
+def estimate_pose(observation, camera, hub, *, plane=None):
+    """Estimate the hub's pose from its pegs in one picture.
+
+    Parameters
+    ----------
+    observation : PegObservation
+        `peg_centers` and `peg_radii` in px, in label order.  Without `plane` also `screw_centers` and
+        `bore_center`, which tell the two mirror solutions of a planar pose apart.
+    camera : TsaiCamera or OpenCVCamera
+    hub : Hub
+    plane : RigidTransform, optional
+        cam_from_plane of the plane of the peg tops, its z axis away from the camera.  With it the pose has the
+        paper's three degrees of freedom x, y and theta; without it all six.
+
+    Returns
+    -------
+    HubPose
+
+    Raises
+    ------
+    ValueError
+        If an argument is unusable, the plane is seen from below, or it is missed by a peg's ray.
+    CalibrationError
+        If the pegs do not determine a pose.
+    """
+    centers = as_points(observation.peg_centers, 2, "observation.peg_centers")
+    if len(centers) != hub.n_pegs:
+        raise ValueError(
+            f"observation.peg_centers has {len(centers)} rows; expected one for each peg: {hub.n_pegs}"
+        )
+    radii = _as_radii(observation.peg_radii, hub.n_pegs, "observation.peg_radii")
+    if plane is None:
+        frame, cam_from_hub = RigidTransform.identity(), _fit_six_degrees(observation, centers, camera, hub)
+    else:
+        frame = _as_plane(plane)
+        seen = back_project_discs(centers, radii, camera, plane)[0]
+        cam_from_hub = plane * _fit_in_plane(hub.peg_centers[:, :2], seen[:, :2])
+    frame_from_hub = frame.inv() * cam_from_hub
+    tops, tops_radii = back_project_discs(centers, radii, camera, cam_from_hub)
+    return HubPose(
+        cam_from_hub=cam_from_hub,
+        x=float(frame_from_hub.translation[0]),
+        y=float(frame_from_hub.translation[1]),
+        theta=_turn(frame_from_hub.rotation),
+        peg_centers=cam_from_hub.apply(tops),
+        peg_radii=tops_radii,
+        residuals=_pegs(centers, hub).residuals(cam_from_hub, camera),
+    )
+
+
+def _fit_in_plane(points, measured):
+    """Rigid motion (x, y, theta) of the plane that takes points (n, 2) to measured ones, by least squares."""
+    from_middle, to_middle = points.mean(axis=0), measured.mean(axis=0)
+    a, b = points - from_middle, measured - to_middle
+    dot, cross = np.sum(a * b), np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    if np.hypot(dot, cross) < 0.1 * np.sum(a**2):  # the ratio is about 1 for the hub's own ring
+        raise CalibrationError("the pegs are no image of the hub's ring; check that they are labelled clockwise")
+    theta = np.arctan2(cross, dot)
+    rotation = Rotation.from_rotvec([0, 0, theta])
+    x, y = to_middle - rotation.as_matrix()[:2, :2] @ from_middle
+    return RigidTransform.from_components([x, y, 0], rotation)
+
+
+def _fit_six_degrees(observation, centers, camera, hub):
+    """Least squares over the pegs' images, started from where pegs, bore and screws agree.
+
+    From far away a plane and its mirror image, tilted the other way, look the same (weak perspective); three
+    pegs alone even fit up to four poses.  Bore and screws lie at another height and tell them apart.
+    """
+    start = _parallel_pose(camera.to_normalized(centers), hub)
+    near = _polish(start, _all_parts(observation, centers, hub), camera)
+    return _polish(near, _pegs(centers, hub), camera)
+
+
+@dataclass(frozen=True, eq=False)
+class _Discs:
+    """Discs of the hub: centres (n, 3) and radii (n,), mm, and measured centres of their images (n, 2), px."""
+
+    centers: np.ndarray
+    radii: np.ndarray
+    measured: np.ndarray
+
+    def residuals(self, cam_from_hub, camera):
+        """Projected minus measured centres of the images (n, 2), px."""
+        return project_discs(camera, cam_from_hub, self.centers, self.radii)[0] - self.measured
+
+
+def _pegs(centers, hub):
+    return _Discs(hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius), centers)
+
+
+def _all_parts(observation, centers, hub):
+    """Pegs, screws and bore."""
+    screws = as_points(observation.screw_centers, 2, "observation.screw_centers")
+    if len(screws) != len(hub.screw_centers):
+        raise ValueError(f"observation.screw_centers has {len(screws)} rows; expected {len(hub.screw_centers)}")
+    bore = as_points([observation.bore_center], 2, "observation.bore_center")
+    radii = [hub.peg_radius] * hub.n_pegs + [hub.screw_radius] * len(screws) + [hub.bore_radius]
+    discs = np.vstack([hub.peg_centers, hub.screw_centers, hub.bore_center])
+    return _Discs(discs, np.array(radii), np.vstack([centers, screws, bore]))
+
+
+def _parallel_pose(normalized, hub):
+    """The pose parallel to the image that fits the pegs' directions (n, 2) best."""
+    pegs = hub.peg_centers[:, :2]
+    size = np.linalg.norm(normalized - normalized.mean(axis=0))
+    if size == 0:
+        raise CalibrationError("all pegs were measured in one place; check the observation")
+    depth = np.linalg.norm(pegs - pegs.mean(axis=0)) / size
+    flat = _fit_in_plane(pegs, normalized * depth)
+    return RigidTransform.from_components([*flat.translation[:2], depth], flat.rotation)
+
+
+def _polish(pose, discs, camera):
+    """Least squares over six degrees of freedom: of centres, and between whiles the shift of their images."""
+    try:
+        for _ in range(_POLISH_ROUNDS):
+            shift = discs.residuals(pose, camera) + discs.measured - camera.project(discs.centers, pose)
+            pose = _fit_directions(pose, discs.centers, camera.to_normalized(discs.measured - shift))
+        discs.residuals(pose, camera)
+    except ValueError as error:
+        raise CalibrationError(
+            "no pose puts the hub before the camera; check that its pegs are labelled clockwise on the screen"
+        ) from error
+    return pose
+
+
+def _fit_directions(start, points, normalized):
+    """Levenberg-Marquardt on x/z and y/z; steps turn about the origin and shift it by parts of its size."""
+    size = np.linalg.norm(points, axis=1).max()
+    turned = start.rotation.apply(points)
+
+    def moved(step):
+        shift = start.translation + size * step[3:]
+        return RigidTransform.from_components(shift, Rotation.from_rotvec(step[:3]) * start.rotation)
+
+    def residuals(step):
+        seen = Rotation.from_rotvec(step[:3]).apply(turned) + start.translation + size * step[3:]
+        return (seen[:, :2] / seen[:, 2:] - normalized).ravel()
+
+    return moved(least_squares(residuals, np.zeros(6), method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14).x)
+
+
+def _turn(rotation):
+    """Direction of a frame's x axis in the xy plane, rad in (-pi, pi]."""
+    matrix = rotation.as_matrix()
+    return float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+
+
+# ---- the paper's own formulas ----
+
+
+def scale_coordinates(image_points, mm_per_pixel):
+    """Table 2's metric coordinates: pixels times one scale, from the picture's corner.
+
+    No tilt, principal point or distortion enters; compare `back_project_discs`.
+
+    Parameters
+    ----------
+    image_points : (n, 2) array_like
+        px.
+    mm_per_pixel : float
+        0.207 in Table 2.
+
+    Returns
+    -------
+    (n, 2) ndarray
+        mm.
+    """
+    return as_points(image_points, 2, "image_points") * as_number(mm_per_pixel, "mm_per_pixel", 0, exclusive=True)
+
+
+def line_angle(point, center):
+    r"""Eq. 11 by the two-argument arctangent: direction of the line from the hub centre to peg 1.
+
+    .. math:: \theta = \operatorname{atan2}(y - y_c, x - x_c)
+
+    Parameters
+    ----------
+    point, center : (2,) array_like
+        In any frame; with y down, positive angles turn clockwise on the screen.
+
+    Returns
+    -------
+    float
+        rad in (-pi, pi], also for vertical lines.
+
+    Raises
+    ------
+    ValueError
+        If the points coincide or are unusable.
+    """
+    dx, dy = _line(point, center)
+    return float(np.arctan2(dy, dx))
+
+
+def line_angle_printed(point, center, m2=0.0):
+    r"""Eq. 11 as printed, from the slopes m_1 of the line from the hub centre to peg 1 and m_2 of the horizontal.
+
+    .. math:: \tan \theta = \frac{m_1 - m_2}{1 + m_1 m_2}
+
+    Kept to show what it cannot do: opposite directions give the same angle, vertical lines none.
+
+    Parameters
+    ----------
+    point, center : (2,) array_like
+    m2 : float
+        Slope of the reference line.
+
+    Returns
+    -------
+    float
+        rad in (-pi/2, pi/2).
+
+    Raises
+    ------
+    ValueError
+        If a slope does not exist (vertical line), the lines are at right angles, or the points coincide.
+    """
+    dx, dy = _line(point, center)
+    m2 = as_number(m2, "m2")
+    if dx == 0 or dx + m2 * dy == 0:
+        raise ValueError("point and center: Eq. 11 as printed has no value for vertical or perpendicular lines")
+    m1 = dy / dx
+    return float(np.arctan((m1 - m2) / (1 + m1 * m2)))
+
+
+def _line(point, center):
+    difference = as_points([point], 2, "point")[0] - as_points([center], 2, "center")[0]
+    if not difference.any():
+        raise ValueError("point and center coincide; they do not determine a direction")
+    return difference
+
+
+def robot_from_end_effector(robot_from_cam, cam_from_hub, hub_from_end_effector):
+    r"""Eq. 1: pose of the end effector in the robot's base.
+
+    .. math:: {}^R T_E = {}^R T_C \, {}^C T_P \, {}^P T_E
+    """
+    robot_from_hub = _as_transform(robot_from_cam, "robot_from_cam") * _as_transform(cam_from_hub, "cam_from_hub")
+    return robot_from_hub * _as_transform(hub_from_end_effector, "hub_from_end_effector")
+
+
+def hub_from_end_effector(cam_from_hub, cam_from_end_effector):
+    r"""Eq. 2: pose of the end effector in the hub's frame.
+
+    .. math:: {}^P T_E = [{}^C T_P]^{-1} \, {}^C T_E
+    """
+    cam_from_hub = _as_transform(cam_from_hub, "cam_from_hub")
+    return cam_from_hub.inv() * _as_transform(cam_from_end_effector, "cam_from_end_effector")
+
+
+@dataclass(frozen=True)
+class Misalignment:
+    """How far a mating part is from where it has to be before insertion.
+
+    Attributes
+    ----------
+    lateral : float
+        Distance of the part's origin from the hub's axis, mm.
+    axial : float
+        Its distance along the axis, mm, positive behind the plane of the peg tops.
+    tilt : float
+        Angle between the two axes, rad.
+    twist : float
+        Turn about the axis to the nearest place where holes meet pegs, rad in [-pi/n, pi/n].
+    """
+
+    lateral: float
+    axial: float
+    tilt: float
+    twist: float
+
+
+def misalignment(cam_from_hub, cam_from_part, n_pegs):
+    """Compare a mating part's frame with the hub's (Eq. 2).
+
+    Parameters
+    ----------
+    cam_from_hub, cam_from_part : RigidTransform
+        The part's frame is the one that has to coincide with the hub's.
+    n_pegs : int
+        The part fits again after each n-th of a turn.
+
+    Returns
+    -------
+    Misalignment
+    """
+    hub_from_part = hub_from_end_effector(cam_from_hub, cam_from_part)
+    x, y, z = hub_from_part.translation
+    matrix = hub_from_part.rotation.as_matrix()
+    qx, qy, qz, qw = hub_from_part.rotation.as_quat()
+    step = 2 * np.pi / as_number(n_pegs, "n_pegs", 1)
+    twist = 2 * np.arctan2(qz, qw)
+    return Misalignment(
+        lateral=float(np.hypot(x, y)),
+        axial=float(z),
+        tilt=float(np.arctan2(np.hypot(matrix[0, 2], matrix[1, 2]), matrix[2, 2])),
+        twist=float(twist - step * np.rint(twist / step)),
+    )
+
+
+# ---- input ----
+
+
+def _as_radii(radii, count, name):
+    """Return (count,) positive radii."""
+    array = as_points(np.reshape(radii, (-1, 1)), 1, name).ravel()
+    if len(array) != count or (array <= 0).any():
+        raise ValueError(f"{name} has {len(array)} values from {array.min():g}; expected {count} positive ones")
+    return array
+
+
+def _as_transform(pose, name):
+    if not isinstance(pose, RigidTransform) or not pose.single:
+        raise ValueError(f"{name} is {type(pose).__name__}; expected one scipy RigidTransform")
+    return pose
+
+
+def _as_plane(plane):
+    """Return `plane` if its z axis points away from the camera."""
+    if _as_transform(plane, "plane").inv().translation[2] >= 0:
+        raise ValueError("plane is seen from below: its z axis has to point away from the camera")
+    return plane

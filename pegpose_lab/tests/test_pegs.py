@@ -1,0 +1,303 @@
+"""Pegs: found, labelled by the screws, labels carried over, and what happens when something is missing."""
+
+from functools import lru_cache
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from pegpose_lab.camera import TsaiCamera
+from pegpose_lab.checks import DetectionError
+from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.pegs import _check_fits, _check_shapes, _rings_around, _screws_look_alike, locate_pegs, track_pegs
+from pegpose_lab.pose import estimate_pose, project_discs
+from pegpose_lab.render import render_hub
+from pegpose_lab.targets import Hub
+
+CAMERA = TsaiCamera(50.0, (0.08, 0.08), (319.5, 239.5), (640, 480), kappa1=1e-5)
+HUB = Hub()
+
+
+def pose_of(turn=0.0, tilt=12.0, azimuth=0.4, position=(5.0, -8.0, 300.0)):
+    """A hub tilted about an axis in the image, turned about its own (degrees)."""
+    axis = np.array([np.cos(azimuth), np.sin(azimuth), 0])
+    rotation = Rotation.from_rotvec(np.deg2rad(tilt) * axis) * Rotation.from_euler("z", turn, degrees=True)
+    return RigidTransform.from_components(position, rotation)
+
+
+@lru_cache(maxsize=64)
+def rendered(turn=0.0, tilt=12.0, hub=HUB, rng=1, **scene):
+    """A picture of the hub; do not write into it."""
+    return render_hub(CAMERA, pose_of(turn, tilt), hub, rng=rng, **scene)
+
+
+def truth(pose, hub=HUB, camera=CAMERA):
+    """Centres of the images of pegs, screws and bore."""
+    parts = (
+        (hub.peg_centers, hub.peg_radius),
+        (hub.screw_centers, hub.screw_radius),
+        ([hub.bore_center], hub.bore_radius),
+    )
+    return [project_discs(camera, pose, centers, [radius] * len(centers))[0] for centers, radius in parts]
+
+
+def assert_seen(observation, pose, hub=HUB, camera=CAMERA, shift=0, px=0.3):
+    """Everything in its place, peg 1 being the true peg 1 + shift."""
+    pegs, screws, bore = truth(pose, hub, camera)
+    np.testing.assert_allclose(observation.peg_centers, np.roll(pegs, -shift, axis=0), atol=px)
+    order = range(len(screws)) if shift == 0 else [1, 0]
+    np.testing.assert_allclose(observation.screw_centers, screws[list(order)], atol=px)
+    np.testing.assert_allclose(observation.bore_center, bore[0], atol=px)
+    middle = camera.project([[0, 0, 0]], pose)[0]
+    assert np.linalg.norm(observation.hub_center - middle) < (1.5 if hub.n_pegs > 3 else 3.0)
+
+
+def paint(image, center, radius, value):
+    """A copy of the picture with a disc painted over."""
+    return cv2.circle(image.copy(), tuple(np.rint(center).astype(int).tolist()), radius, value, -1)
+
+
+# ---- the paper's frames ----
+
+
+def test_paper_frames():
+    """Every part found and labelled in every frame, pegs to 0.02 px rms, the chain within 0.01 mm."""
+    experiment = paper_experiment()
+    chosen = [0, 1, 14, 29, 43, 44]
+    frames = (experiment.hub_frame(index) for index in chosen)
+    errors, distances = [], []
+    for index, observation in zip(chosen, track_pegs(frames, experiment.hub), strict=True):
+        pose = experiment.cam_from_hubs[index]
+        assert_seen(observation, pose, experiment.hub, experiment.camera)
+        assert observation.flags == ()
+        errors.append(observation.peg_centers - truth(pose, experiment.hub, experiment.camera)[0])
+        found = estimate_pose(observation, experiment.camera, experiment.hub, plane=experiment.cam_from_plane)
+        distances.append(np.linalg.norm(found.cam_from_hub.translation - pose.translation))
+        assert abs(found.peg_radii - experiment.hub.peg_radius).max() < 0.01
+        assert found.rms < 0.05
+    assert np.sqrt(np.mean(np.square(errors))) < 0.02
+    assert max(distances) < 0.01
+
+
+# ---- labels ----
+
+
+@pytest.mark.parametrize("turn", [0, 37, 95, 171, 230, 301])
+def test_first_screw_is_the_one_further_left(turn):
+    observation = locate_pegs(rendered(turn), HUB)
+    screws = truth(pose_of(turn))[1]
+    shift = 0 if screws[0, 0] < screws[1, 0] else 2
+    assert_seen(observation, pose_of(turn), shift=shift)
+    assert observation.screw_centers[0, 0] < observation.screw_centers[1, 0]
+
+
+def test_labels_run_clockwise_on_the_screen():
+    pegs = locate_pegs(rendered(20), HUB).peg_centers
+    x, y = (pegs - pegs.mean(axis=0)).T
+    assert (np.diff(np.unwrap(np.arctan2(y, x))) > 0).all()  # y down
+
+
+def test_labels_are_carried_over_a_whole_turn():
+    turns = np.arange(0, 361, 60.0) + 70
+    frames = [rendered(float(turn)) for turn in turns]
+    first = truth(pose_of(turns[0]))[1]
+    shift = 0 if first[0, 0] < first[1, 0] else 2
+    for turn, observation in zip(turns, track_pegs(frames, HUB), strict=True):
+        assert_seen(observation, pose_of(turn), shift=shift)
+
+
+def test_previous_overrules_the_convention():
+    first = locate_pegs(rendered(0), HUB)
+    shifted = SimpleNamespace(peg_centers=np.roll(first.peg_centers, 2, axis=0))
+    other = locate_pegs(rendered(0), HUB, previous=shifted)
+    np.testing.assert_array_equal(other.peg_centers, shifted.peg_centers)
+    np.testing.assert_array_equal(other.screw_centers, first.screw_centers[::-1])
+
+
+def test_a_quarter_turn_between_frames_is_refused():
+    first = locate_pegs(rendered(0), HUB)
+    with pytest.raises(DetectionError, match="turned too far"):
+        locate_pegs(rendered(90), HUB, previous=first)
+    with pytest.raises(DetectionError, match="frame 2: the hub turned too far"):
+        list(track_pegs([rendered(0), rendered(90)], HUB))
+
+
+@pytest.mark.parametrize("n_pegs", [3, 5, 6])
+def test_other_numbers_of_pegs(n_pegs):
+    hub = Hub(n_pegs=n_pegs, peg_radius=9.0)
+    for turn in (15, 140, 260):
+        observation = locate_pegs(rendered(turn, hub=hub), hub)
+        screws = truth(pose_of(turn), hub)[1]
+        same = _screws_look_alike(n_pegs // 2, hub) if n_pegs % 2 == 0 else False
+        shift = n_pegs // 2 if same and screws[1, 0] < screws[0, 0] else 0
+        assert_seen(observation, pose_of(turn), hub, shift=shift)
+
+
+def test_symmetry_of_screws():
+    assert [k for k in range(4) if _screws_look_alike(k, HUB)] == [0, 2]
+    assert [k for k in range(4) if _screws_look_alike(k, Hub(screw_angles=(0.7, 1.5)))] == [0]
+    four_screws = Hub(screw_angles=tuple(np.pi / 4 + np.pi / 2 * np.arange(4)))
+    assert [k for k in range(4) if _screws_look_alike(k, four_screws)] == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("tilt", [0, 25])
+def test_scale_and_tilt_need_not_be_known(tilt):
+    for depth in (250.0, 600.0):
+        pose = pose_of(turn=10, tilt=tilt, position=(0.0, 0.0, depth))
+        image = render_hub(CAMERA, pose, HUB, rng=1)
+        screws = truth(pose)[1]
+        assert_seen(locate_pegs(image, HUB), pose, shift=0 if screws[0, 0] < screws[1, 0] else 2)
+
+
+@settings(max_examples=30)
+@given(st.integers(3, 8), st.floats(0, 6.2), st.floats(0, 0.5), st.floats(5, 200))
+def test_an_affine_ring_is_a_ring(n, turn, tilt, size):
+    """The Fourier test finds size, turn and tilt of any affine image of a regular polygon, and no other ring."""
+    hub = Hub(n_pegs=n, peg_radius=5.0)
+    matrix = (
+        size
+        / 48.5
+        * np.array([[1, 0], [0, np.cos(tilt)]])
+        @ Rotation.from_rotvec([0, 0, turn]).as_matrix()[:2, :2]
+    )
+    centers = np.vstack([hub.peg_centers[:, :2] @ matrix.T, [0, 0]])
+    scale = np.sqrt(np.linalg.det(matrix))
+    circles = SimpleNamespace(
+        centers=centers, radii=np.append(np.full(n, 5 * scale), hub.bore_radius * scale * 0.95)
+    )
+    shuffled = np.random.default_rng(n).permutation(n)
+    ring = _rings_around(circles, n, shuffled[None], hub)[0]
+    np.testing.assert_array_equal(np.sort(ring.pegs), np.arange(n))
+    spots = ring.place(hub.peg_angles)
+    np.testing.assert_allclose(np.column_stack([spots.real, spots.imag]), centers[ring.pegs], atol=1e-9 * size)
+    assert ring.scale == pytest.approx(hub.pitch_circle_diameter / 2 * scale)
+    centers[0] *= 1.5
+    assert n == 3 or not _rings_around(circles, n, shuffled[None], hub)
+
+
+# ---- clutter ----
+
+
+def test_swarf_and_highlights_never_mislabel():
+    """Each picture is labelled rightly or refused, and most are not refused."""
+    labelled = 0
+    for seed in range(5):
+        image = rendered(20.0 * seed, rng=seed, clutter=40, highlights=60.0 * (seed % 2))
+        screws = truth(pose_of(20.0 * seed))[1]
+        try:
+            observation = locate_pegs(image, HUB)
+        except DetectionError:
+            continue
+        labelled += 1
+        pegs = truth(pose_of(20.0 * seed))[0]
+        shift = 0 if screws[0, 0] < screws[1, 0] else 2
+        np.testing.assert_allclose(observation.peg_centers, np.roll(pegs, -shift, axis=0), atol=0.5)
+    assert labelled >= 3
+
+
+def test_a_screw_that_touches_swarf():
+    image = rendered(0).copy()
+    screws = truth(pose_of(0))[1]
+    outward = screws[0] - truth(pose_of(0))[2][0]
+    start, end = screws[0] - 1.2 * np.array([-outward[1], outward[0]]) * 0.3, screws[0]
+    cv2.line(image, np.rint(start).astype(int).tolist(), np.rint(end).astype(int).tolist(), 140, 5)
+    assert_seen(locate_pegs(image, HUB), pose_of(0), shift=0 if screws[0, 0] < screws[1, 0] else 2, px=2.0)
+
+
+def test_bright_swarf_on_the_bore():
+    image = rendered(0).copy()
+    x, y = np.rint(truth(pose_of(0))[2][0]).astype(int)
+    image[y - 12 : y - 4, x - 14 : x + 14] = 230
+    image[y + 5 : y + 12, x - 14 : x + 14] = 230
+    observation = locate_pegs(image, HUB)
+    np.testing.assert_allclose(observation.bore_center, (truth(pose_of(0))[2][0]), atol=0.5)
+
+
+@pytest.mark.parametrize("occlusion", [0.1, 0.2, 0.3, 0.35, 0.5, 0.9])
+def test_a_partly_hidden_peg_is_measured_well_or_refused(occlusion):
+    try:
+        observation = locate_pegs(rendered(0, occlusion=occlusion), HUB)
+    except DetectionError:
+        assert occlusion > 0.1
+    else:
+        expected = np.roll(truth(pose_of(0))[0], -2, axis=0)
+        np.testing.assert_allclose(observation.peg_centers, expected, atol=0.3)
+
+
+def test_pegs_are_judged_by_their_neighbours():
+    """Shapes of the true homography pass; one of another size, or longer one way, does not."""
+    pose = pose_of(30)
+    origin, x, y = CAMERA.project([[0, 0, 0], [10, 0, 0], [0, 10, 0]], pose)
+    hub = Hub()
+    matrix = np.column_stack([x - origin, y - origin]) / 10  # affine: far from the camera
+    centers = origin + hub.peg_centers[:, :2] @ matrix.T
+    shapes = np.tile(hub.peg_radius**2 * matrix @ matrix.T, (4, 1, 1))
+    _check_shapes(centers, shapes, hub)
+    for change in (np.diag([0.92, 0.92]), np.diag([1.0, 0.92]), np.diag([1.08, 1.0])):
+        wrong = shapes.copy()
+        wrong[2] = change @ wrong[2] @ change
+        with pytest.raises(DetectionError, match="peg 3 is"):
+            _check_shapes(centers, wrong, hub)
+
+
+def test_every_peg_and_a_screw_must_be_measured():
+    names = ["peg 1", "peg 2", "peg 3", "bore", "screw 1", "screw 2"]
+    _check_fits(["", "", "", "chi2", "chi2", ""], names, 3)
+    with pytest.raises(DetectionError, match=r"peg 3 \(no edge\)"):
+        _check_fits(["", "", "no edge", "", "", ""], names, 3)
+    with pytest.raises(DetectionError, match="screw 1"):
+        _check_fits(["", "", "", "", "chi2", "chi2"], names, 3)
+
+
+# ---- something is missing ----
+
+
+def test_missing_parts_are_named():
+    pegs, screws, bore = truth(pose_of(0))
+    image = rendered(0)
+    with pytest.raises(DetectionError, match="at most 3 of 4 pegs"):
+        locate_pegs(paint(image, pegs[1], 32, 62), HUB)
+    with pytest.raises(DetectionError, match="4 of 4 pegs and the bore, but 1 of 2 screws"):
+        locate_pegs(paint(image, screws[1], 14, 62), HUB)
+    with pytest.raises(DetectionError, match="of 4 pegs around a bore"):
+        locate_pegs(paint(image, bore[0], 50, 62), HUB)
+
+
+def test_discs_like_screws_in_other_gaps_are_refused():
+    hub = Hub(screw_angles=(np.pi / 4, 5 * np.pi / 4))
+    places = truth(pose_of(0), hub)[1]
+    image = rendered(0)
+    for place in places:
+        image = paint(image, place, 9, 140)
+    with pytest.raises(DetectionError, match="several gaps"):
+        locate_pegs(image, HUB)
+
+
+def test_nothing_to_see():
+    with pytest.raises(DetectionError, match="constant"):
+        locate_pegs(np.full((100, 100), 8, np.uint8), HUB)
+
+
+@settings(max_examples=15)
+@given(st.integers(1, 60), st.integers(1, 60), st.integers(0, 2**32 - 1))
+def test_noise_is_no_hub(height, width, seed):
+    image = np.random.default_rng(seed).integers(0, 256, (height, width)).astype(np.uint8)
+    with pytest.raises(DetectionError):
+        locate_pegs(image, HUB)
+
+
+@pytest.mark.parametrize(
+    "image", [np.zeros((0, 5), np.uint8), np.zeros((50, 50)), np.zeros((50, 50, 3), np.uint8), None]
+)
+def test_unusable_images(image):
+    with pytest.raises(ValueError, match="image"):
+        locate_pegs(image, HUB)
+
+
+def test_unusable_previous():
+    with pytest.raises(ValueError, match="previous"):
+        locate_pegs(rendered(0), HUB, previous=SimpleNamespace(peg_centers=np.zeros((3, 2))))
