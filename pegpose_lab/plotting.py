@@ -6,6 +6,7 @@ apart).  `digest` prints what a figure shows, because a notebook's pictures are 
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.colors import to_rgba
 from matplotlib.patches import Ellipse
 
 from .results import output_folder, replacing
@@ -65,12 +66,49 @@ def _rounded(number, decimals):
 
 
 def plot_image(ax, image, title=None, *, limits=None):
-    """Show a picture with pixel coordinates; `limits` = (left, right, top, bottom) px to zoom."""
-    ax.imshow(image, vmin=0, vmax=255 if np.asarray(image).dtype == np.uint8 else None, interpolation="nearest")
+    """Show a picture with pixel coordinates; `limits` = (left, right, top, bottom) px to zoom (only that part is drawn)."""
+    image = np.asarray(image)
+    left, right, top, bottom = (0, image.shape[1] - 1, 0, image.shape[0] - 1) if limits is None else limits
+    box = _shown_box(image.shape, left, right, top, bottom)
+    _show_part(ax, image[box], box, vmin=0, vmax=255 if image.dtype == np.uint8 else image.max())
     if limits is not None:
-        left, right, top, bottom = limits
         ax.set(xlim=(left, right), ylim=(bottom, top))
     ax.set(xlabel="x (px)", ylabel="y (px)", title=title)
+
+
+def _shown_box(shape, left, right, top, bottom):
+    """Rows and columns, as slices, of the pixels within limits."""
+    first = np.clip(np.floor([top, left]), 0, np.array(shape[:2]) - 1).astype(int)
+    last = np.clip(np.ceil([bottom, right]), 0, np.array(shape[:2]) - 1).astype(int)
+    return tuple(slice(low, high + 1) for low, high in zip(first, last))
+
+
+def _show_part(ax, part, box, **style):
+    """Show a part of a picture where it lies in the picture."""
+    rows, columns = box
+    extent = (columns.start - 0.5, columns.stop - 0.5, rows.stop - 0.5, rows.start - 0.5)
+    ax.imshow(part, interpolation="nearest", extent=extent, **style)
+
+
+def plot_mask(ax, mask, *, color, label=None, alpha=0.75):
+    """Lay a mask over the picture in `ax`, in one colour."""
+    mask = np.asarray(mask, bool)
+    y, x = np.nonzero(mask)
+    if len(x):
+        box = _shown_box(mask.shape, x.min(), x.max(), y.min(), y.max())
+        layer = np.zeros((*mask[box].shape, 4))
+        layer[mask[box]] = to_rgba(color, alpha)
+        _show_part(ax, layer, box)
+    ax.fill([], [], color=color, alpha=alpha, label=label)
+
+
+def plot_votes(ax, votes, truth, title=None, *, limits=None):
+    """The square root of a vote array, a ring round its highest count and a cross at `truth`; returns the count's x, y."""
+    peak = np.array(np.unravel_index(np.argmax(votes), votes.shape)[::-1])
+    plot_image(ax, np.sqrt(votes), title, limits=limits)
+    ax.plot(*peak, "o", color=COLORS["genetic"], markersize=11, fillstyle="none", markeredgewidth=1.5)
+    ax.plot(*truth, "+", color=COLORS["measured"], markersize=9, markeredgewidth=1.5)
+    return peak
 
 
 def plot_histogram(ax, image, thresholds=(), *, bins=256):
@@ -103,7 +141,7 @@ def plot_pegs(ax, observation, *, color=COLORS["genetic"]):
     """Labelled pegs, screws, bore and hub centre of a `PegObservation` (Fig. 3)."""
     plot_circles(ax, observation.peg_centers, observation.peg_radii, color=color)
     for number, center in enumerate(observation.peg_centers, 1):
-        ax.annotate(str(number), center, xytext=(6, 6), textcoords="offset points", color=color, weight="bold", fontsize=12)
+        ax.annotate(str(number), center, xytext=(3, 2), textcoords="offset points", color=color, weight="bold", fontsize=11)
     plot_circles(ax, [observation.bore_center], [observation.bore_radius], color=COLORS["measured"])
     ax.plot(*observation.screw_centers.T, "^", color=COLORS["linear"], markersize=6)
     for number, center in enumerate(observation.screw_centers, 1):
@@ -219,7 +257,7 @@ def plot_quadrilateral(ax, corners, *, color, label=None, lengths=None):
     middle = np.mean(corners, axis=0)
     for text, start, end in zip(lengths or (), corners, np.roll(corners, -1, axis=0)):
         side = (start + end) / 2
-        ax.annotate(text, side + 0.17 * (middle - side), ha="center", va="center", color=color)
+        ax.annotate(text, side + 0.22 * (middle - side), ha="center", va="center", color=color)
     ax.set(xlabel="x (px)", ylabel="y (px)", aspect="equal")
     if not ax.yaxis_inverted():
         ax.invert_yaxis()

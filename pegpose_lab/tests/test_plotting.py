@@ -136,16 +136,49 @@ def test_figure_has_the_style():
 
 def test_image(axes):
     image = np.arange(60, dtype=np.uint8).reshape(6, 10)
-    plotting.plot_image(axes, image, "a title", limits=(1, 8, 2, 5))
+    plotting.plot_image(axes, image, "a title")
     assert np.array_equal(axes.images[0].get_array(), image)
     assert axes.images[0].get_clim() == (0, 255)
-    assert axes.get_xlim() == (1, 8) and axes.get_ylim() == (5, 2)
     assert axes.get_title() == "a title" and "px" in axes.get_xlabel()
 
 
 def test_image_has_y_down_and_pixel_centres_at_whole_numbers(axes):
     plotting.plot_image(axes, np.zeros((6, 10), np.uint8))
     assert axes.get_xlim() == (-0.5, 9.5) and axes.get_ylim() == (5.5, -0.5)
+
+
+def test_only_the_part_within_limits_is_drawn(axes):
+    image = np.arange(120, dtype=np.uint8).reshape(10, 12)
+    plotting.plot_image(axes, image, limits=(3, 6.5, 2, 5))
+    shown = axes.images[0]
+    assert_allclose(shown.get_array(), image[2:6, 3:8])
+    assert_allclose(shown.get_extent(), [2.5, 7.5, 5.5, 1.5])
+    assert (axes.get_xlim(), axes.get_ylim()) == ((3, 6.5), (5, 2))
+
+
+def test_mask(axes):
+    mask = np.zeros((8, 9), bool)
+    mask[[2, 4, 4], [3, 4, 6]] = True
+    plotting.plot_image(axes, np.zeros((8, 9), np.uint8))
+    plotting.plot_mask(axes, mask, color="#0072B2", label="parts", alpha=0.5)
+    layer, part = axes.images[1].get_array(), mask[2:5, 3:7]
+    assert_allclose(layer[part], [[0, 0x72 / 255, 0xB2 / 255, 0.5]] * 3)
+    assert (layer[~part] == 0).all()
+    assert_allclose(axes.images[1].get_extent(), [2.5, 6.5, 4.5, 1.5])
+    assert axes.get_legend_handles_labels()[1] == ["parts"]
+    plotting.plot_mask(axes, np.zeros((8, 9), bool), color="#0072B2")
+    assert len(axes.images) == 2
+
+
+def test_votes(axes):
+    votes = np.zeros((5, 8))
+    votes[3, 6] = 4.0
+    peak = plotting.plot_votes(axes, votes, (2.0, 1.0), "two-stage")
+    assert_allclose(peak, [6, 3])
+    ring, cross = axes.lines
+    assert_allclose(ring.get_xydata(), [[6, 3]])
+    assert_allclose(cross.get_xydata(), [[2, 1]])
+    assert axes.images[0].get_array().max() == 2.0
 
 
 def test_histogram(axes):
@@ -225,6 +258,13 @@ def test_valley(axes):
     assert_allclose(axes.lines[0].get_xydata(), population)
     assert_allclose(filled.levels[[0, -1]], [np.log10(objective.min()), np.log10(objective.max())])
     assert axes.get_xlim() == (40, 60) and axes.get_ylim() == (200, 300)
+
+
+def test_map(axes):
+    x, y = np.linspace(-50, 50, 11), np.linspace(-20, 20, 5)
+    filled = plotting.plot_map(axes, x, y, x + 10 * y[:, None])
+    assert filled.levels[0] <= -250 and filled.levels[-1] >= 250
+    assert axes.get_xlim() == (-50, 50) and axes.get_ylim() == (-20, 20) and axes.get_aspect() == 1
 
 
 def test_error_histogram(axes):
