@@ -362,6 +362,8 @@ def _cast(camera, shade, blur, box=None, background=0.0):
         grey, part = _cast_centers(shade, _pixel_directions(camera)[:, top:bottom, left:right])
         quarters = cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
         y, x = np.nonzero(_borders(part))
+        cut = _are_cut(camera, shade, np.column_stack([x + left, y + top]), part[y, x])
+        y, x = y[cut], x[cut]
         samples = _sample_quarters(camera, shade, np.column_stack([x + left, y + top]))
         quarters[2 * y[:, None] + [0, 0, 1, 1], 2 * x[:, None] + [0, 1, 0, 1]] = samples
         blurred = _blur(quarters, 2 * blur)
@@ -386,6 +388,14 @@ def _borders(part):
     kernel = np.ones((3, 3), np.uint8)
     highest = cv2.dilate(part, kernel, borderType=cv2.BORDER_REPLICATE)
     return highest != cv2.erode(part, kernel, borderType=cv2.BORDER_REPLICATE)
+
+
+def _are_cut(camera, shade, pixels, part):
+    """Which of `pixels` (n, 2) show another part in a corner than in the centre (n,)."""
+    corners = np.array([(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)])
+    points = (pixels[:, None, :] + corners).reshape(-1, 2)
+    seen = shade(camera.to_normalized(points).T.astype(np.float32))[1].reshape(-1, 4)
+    return np.any(seen != part[:, None], axis=1)
 
 
 def _sample_quarters(camera, shade, pixels):
