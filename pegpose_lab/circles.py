@@ -193,7 +193,8 @@ class _Gradient:
     def __init__(self, image):
         self.dx = cv2.Sobel(image, cv2.CV_16S, 1, 0, borderType=cv2.BORDER_REPLICATE)
         self.dy = cv2.Sobel(image, cv2.CV_16S, 0, 1, borderType=cv2.BORDER_REPLICATE)
-        self.magnitude = cv2.magnitude(self.dx.astype(np.float32), self.dy.astype(np.float32))
+        # not cv2.magnitude, whose last bit depends on where in memory its input lies; the sum of squares is exact
+        self.magnitude = np.sqrt(np.square(self.dx, dtype=np.float32) + np.square(self.dy, dtype=np.float32))
 
     def threshold(self, request):
         """The gradient above which a pixel is an edge."""

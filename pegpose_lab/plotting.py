@@ -43,12 +43,19 @@ def figure(width=7.0, height=3.6, rows=1, columns=1, **options):
 
 
 def save_figure(fig, name):
-    """Write `fig` as figures/<name>.png and .pdf below the output folder; the same figure gives the same bytes."""
+    """Write `fig` as figures/<name>.png below the output folder, the paper's figures (``fig..``) as .pdf, too.
+
+    The same figure gives the same bytes.
+    """
+    fig.draw_without_rendering()  # lays it out; once is enough for all files and the notebook
+    fig.set_layout_engine("none")
     folder = output_folder() / "figures"
     with replacing(folder / f"{name}.png") as path:
         fig.savefig(path, format="png", dpi=200, metadata={"Software": None})
-    with replacing(folder / f"{name}.pdf") as path:
-        fig.savefig(path, format="pdf", dpi=200, metadata={"CreationDate": None, "Creator": None, "Producer": None})
+    if name.startswith("fig"):
+        nothing = {"CreationDate": None, "Creator": None, "Producer": None}
+        with replacing(folder / f"{name}.pdf") as path:
+            fig.savefig(path, format="pdf", dpi=200, metadata=nothing)
 
 
 def digest(decimals=4, /, **arrays):

@@ -50,6 +50,20 @@ def save_table(name, table, *, decimals=4):
         path.write_text(latex(rounded), encoding="utf-8")
 
 
+def load_table(name):
+    """Read back data/results/<name>.csv, which an earlier notebook saved.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it has not been saved; the message names it.
+    """
+    path = output_folder() / "data" / "results" / f"{name}.csv"
+    if not path.is_file():
+        raise FileNotFoundError(f"{path} is missing: run the notebook whose number it bears first")
+    return pd.read_csv(path)
+
+
 def save_values(notebook, values, *, digits=6):
     """Write our values of printed numbers, {claim id: number}, as data/results/<notebook>_values.csv.
 

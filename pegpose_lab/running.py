@@ -29,7 +29,7 @@ from tqdm import tqdm
 from .results import replacing
 
 WORKERS = 2
-FIRST_READER = 8  # from this number on notebooks read the results of the earlier ones
+FIRST_READER = 7  # from this number on notebooks read the results of the earlier ones
 FOLDERS = ("figures", "data/results")
 
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")

@@ -93,6 +93,17 @@ def test_votes_equal_the_literal_loop(method, polarity):
     assert np.abs(fast - slow).sum() < 1e-3 * np.abs(slow).sum()
 
 
+def test_gradient_is_correctly_rounded_wherever_it_lies_in_memory():
+    image = np.random.default_rng(0).integers(0, 256, (61, 83), np.uint8)
+    for offset in (0, 4, 16):
+        buffer = np.empty(image.nbytes + offset, np.uint8)
+        moved = buffer[offset:].reshape(image.shape)
+        moved[...] = image
+        gradient = circles._Gradient(moved)
+        exact = np.hypot(gradient.dx.astype(np.longdouble), gradient.dy.astype(np.longdouble))
+        np.testing.assert_array_equal(gradient.magnitude, exact.astype(np.float32))
+
+
 def test_votes_do_not_depend_on_the_chunks(monkeypatch):
     image = _picture()
     whole = circle_accumulator(image, RANGE)

@@ -55,27 +55,36 @@ def test_same_figure_gives_same_bytes(output):
 def test_saving_one_figure_again_gives_same_bytes(output):
     fig = make_figure()
     contents = []
-    for name in ("first", "second"):
+    for name in ("fig_first", "fig_second"):
         plotting.save_figure(fig, name)
         contents.append([(output / f"{name}.{kind}").read_bytes() for kind in ("png", "pdf")])
     plt.close(fig)
     assert contents[0] == contents[1]
 
 
+def test_only_the_papers_figures_are_written_as_pdf(output):
+    fig = make_figure()
+    for name in ("fig07_scatter", "07_more"):
+        plotting.save_figure(fig, name)
+    plt.close(fig)
+    names = sorted(path.name for path in output.iterdir())
+    assert names == ["07_more.png", "fig07_scatter.pdf", "fig07_scatter.png"]
+
+
 def test_other_data_give_other_bytes(output):
     pictures = []
     for seed in (0, 1):
         fig = make_figure(seed)
-        plotting.save_figure(fig, "scatter")
+        plotting.save_figure(fig, "fig07_scatter")
         plt.close(fig)
-        pictures.append([(output / f"scatter.{kind}").read_bytes() for kind in ("png", "pdf")])
+        pictures.append([(output / f"fig07_scatter.{kind}").read_bytes() for kind in ("png", "pdf")])
     assert pictures[0][0] != pictures[1][0] and pictures[0][1] != pictures[1][1]
 
 
 @pytest.mark.parametrize("kind", ["png", "pdf"])
 def test_an_interrupted_save_leaves_the_old_file(kind, output):
     fig = make_figure()
-    plotting.save_figure(fig, "scatter")
+    plotting.save_figure(fig, "fig07_scatter")
     before = {path.name: path.read_bytes() for path in output.iterdir()}
     write = fig.savefig
 
@@ -87,7 +96,7 @@ def test_an_interrupted_save_leaves_the_old_file(kind, output):
 
     fig.savefig = interrupted
     with pytest.raises(KeyboardInterrupt):
-        plotting.save_figure(fig, "scatter")
+        plotting.save_figure(fig, "fig07_scatter")
     plt.close(fig)
     assert {path.name: path.read_bytes() for path in output.iterdir()} == before
 

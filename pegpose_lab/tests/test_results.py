@@ -121,3 +121,11 @@ def test_no_values_yet(output):
 def test_tables_are_not_values(output):
     results.save_table("claims", pd.DataFrame({"id": ["acc"], "ours": [0.1]}))
     assert results.load_values().empty
+
+
+def test_tables_are_read_back(output):
+    table = pd.DataFrame({"frame": [1, 2], "x_px": [0.25, 1.5]})
+    results.save_table("06_pegs", table)
+    pd.testing.assert_frame_equal(results.load_table("06_pegs"), table)
+    with pytest.raises(FileNotFoundError, match="07_missing.csv is missing"):
+        results.load_table("07_missing")
