@@ -200,7 +200,8 @@ class _View:
     def on_plane(self, directions, z):
         """Return x and y (2, n), mm; a ray that runs away from the plane ends far outside."""
         side = np.sign(z - self.origin[2])
-        x, y, slope = np.float32(side * self.rotation[:, :2]) @ directions + np.float32(side * self.rotation[:, 2:])
+        # written out, as the last bits of a matrix product depend on how it is cut into blocks
+        x, y, slope = (a * directions[0] + b * directions[1] + c for a, b, c in np.float32(side * self.rotation))
         distance = np.float32(abs(z - self.origin[2])) / np.maximum(slope, np.float32(1e-6))
         origin = np.float32(self.origin)
         return np.stack([origin[0] + distance * x, origin[1] + distance * y])
