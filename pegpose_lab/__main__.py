@@ -103,6 +103,19 @@ def _test(options):
         )
 
 
+def _bench(options):
+    """Measure circle detection beside its peers and its bound; a full run is written into place."""
+    environment.add_bench_packages()
+    from pegpose_lab import bench
+
+    report = bench.run(bench.QUICK if options.quick else bench.FULL)
+    if not options.quick:
+        readme = CHECKOUT / "README.md" if options.output == CHECKOUT else None
+        bench.write(report, options.output / "data" / "results", readme)
+    print(bench.to_text(report))
+    return 0
+
+
 def _lab(options):
     """Open JupyterLab on the notebooks; what they write goes into the checkout."""
     where = [f"--ServerApp.root_dir={CHECKOUT}", "--LabApp.default_url=/lab/tree/notebooks"]
@@ -156,6 +169,24 @@ def _parser():
         epilog="Arguments after -- go to pytest:  test -- -k camera",
     )
     test.set_defaults(run=_test)
+
+    bench = commands.add_parser(
+        "bench",
+        help="measure circle detection beside its peers and the physical limit",
+        description="Render frames with exact truth and give them to our circle measurement and to its peers: time, "
+        "detection, and errors over the bound; about a quarter of an hour on two idle cores. Installs the peers "
+        "into .venv first (the optional group bench, and opencv-contrib in a folder of its own); one that cannot be "
+        "installed is left out and named. Writes data/results/bench_*.csv and the README's table.",
+    )
+    bench.add_argument(
+        "--output",
+        type=_folder,
+        default=CHECKOUT,
+        metavar="DIR",
+        help="write DIR/data/results (default: the checkout, and its README)",
+    )
+    bench.add_argument("--quick", action="store_true", help="a few frames, some seconds; prints and writes nothing")
+    bench.set_defaults(run=_bench)
 
     lab = commands.add_parser(
         "lab",

@@ -34,7 +34,6 @@ VERDICTS = ("reproduced", "contradicted", "not determined")
 NOT_COMPUTED = "not computed: run the notebooks"
 COLUMNS = ["id", "where", "quantity", "paper", "ours", "difference", "tolerance", "unit", "verdict", "reason"]
 
-_BEGIN, _END = "<!-- claims:begin -->", "<!-- claims:end -->"
 _LEVEL = 0.975  # two-sided 95 %
 _ROUNDING = 1e-9  # relative; a difference of one printed digit is one digit in spite of binary fractions
 _REASON_WIDTH = 58
@@ -211,18 +210,8 @@ def _terminal_line(quantity, printed, ours, unit, verdict, reason):
 def _markdown(table):
     """The block that stands between the markers of a README."""
     text = _as_text(table).drop(columns="id").astype(str)
-    rows = [text.columns, ["---"] * 3 + ["---:"] * 4 + ["---"] * 2, *text.to_numpy()]
-    lines = ["| " + " | ".join(str(cell).replace("|", r"\|") for cell in row) + " |" for row in rows]
-    return "\n".join([_BEGIN, summary(table), "", *lines, _END])
-
-
-def _with_block(path, table):
-    """The text of the file as it stands, and with the table between its markers."""
-    text = Path(path).read_text(encoding="utf-8")
-    begin, end = text.find(_BEGIN), text.find(_END)
-    if text.count(_BEGIN) != 1 or text.count(_END) != 1 or end < begin:
-        raise ValueError(f"path {path} has no single pair of lines {_BEGIN} and {_END} to put the table between")
-    return text, text[:begin] + _markdown(table) + text[end + len(_END) :]
+    rows = results.markdown([text.columns, *text.to_numpy()], "lllrrrrll")
+    return f"{summary(table)}\n\n{rows}"
 
 
 def update_readme(path, table):
@@ -233,9 +222,7 @@ def update_readme(path, table):
     ValueError
         If the file does not have exactly one such pair.
     """
-    _, updated = _with_block(path, table)
-    with results.replacing(path) as temporary:
-        temporary.write_text(updated, encoding="utf-8", newline="\n")
+    results.update_block(path, "claims", _markdown(table))
 
 
 def readme_is_current(path, table):
@@ -246,5 +233,4 @@ def readme_is_current(path, table):
     ValueError
         If the file does not have exactly one pair of markers.
     """
-    text, updated = _with_block(path, table)
-    return text == updated
+    return results.block_is_current(path, "claims", _markdown(table))

@@ -4,9 +4,11 @@ Like ``__main__.py`` this file has to run on a bare Python: it imports the stand
 """
 
 import hashlib
+import importlib.metadata
 import importlib.util
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -64,6 +66,11 @@ def set_up():
 def python():
     """The Python of `.venv`."""
     return VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+
+
+def contrib_folder():
+    """The folder that holds opencv-contrib, which cannot live in one environment with OpenCV."""
+    return VENV / "contrib"
 
 
 def is_active():
@@ -164,12 +171,58 @@ def _make_venv():
 
 
 def _install():
-    """Install the lock, with uv where that is found and works, else with pip."""
+    """Install the lock."""
+    _pip_install(["-r", LOCK], LOCK.name)
+
+
+def _pip_install(arguments, name):
+    """Install into `.venv`, with uv where that is found and works, else with pip."""
     uv = shutil.which("uv")
-    commands = [[python(), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", LOCK]]
+    commands = [[python(), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *arguments]]
     if uv:
-        commands.insert(0, [uv, "pip", "install", "--quiet", "--python", python(), "-r", LOCK])
-    _run_first(commands, f"Installing {LOCK.name}")
+        commands.insert(0, [uv, "pip", "install", "--quiet", "--python", python(), *arguments])
+    _run_first(commands, f"Installing {name}")
+
+
+def add_bench_packages():
+    """Add the packages of the optional group `bench` to `.venv`, and opencv-contrib to a folder in it.
+
+    Whatever else they need stays at the version that the lock pins.  What cannot be had (no network) is named,
+    and left out.
+    """
+    lock = LOCK.read_text(encoding="utf-8")
+    opencv = re.search(r"^opencv-python-headless==(\S+)", lock, re.MULTILINE).group(1)
+    wanted = [line for line in _bench_group() if not _has_package(line)]
+    if wanted:
+        _try_to_install(["-c", LOCK, *wanted])
+    if not (contrib_folder() / "cv2").is_dir():
+        _try_to_install(["--no-deps", "--target", contrib_folder(), f"opencv-contrib-python-headless=={opencv}"])
+
+
+def _bench_group():
+    """The requirements of the optional group `bench` in pyproject.toml."""
+    import tomllib  # since Python 3.11; an older one has been refused by now
+
+    with open(CHECKOUT / "pyproject.toml", "rb") as file:
+        return tomllib.load(file)["project"]["optional-dependencies"]["bench"]
+
+
+def _has_package(requirement):
+    """Whether this very Python has the package that a requirement names, in any version."""
+    try:
+        return bool(importlib.metadata.version(re.match(r"[\w.-]+", requirement).group()))
+    except importlib.metadata.PackageNotFoundError:
+        return False
+
+
+def _try_to_install(arguments):
+    """Install into `.venv`; say so where that fails."""
+    names = " ".join(str(argument) for argument in arguments)
+    print(f"Installing for the benchmark: {names}", flush=True)
+    try:
+        _pip_install(arguments, names)
+    except SetUpError as error:
+        print(f"{error}\nThe benchmark goes on without it.", file=sys.stderr, flush=True)
 
 
 def _run_first(commands, task):

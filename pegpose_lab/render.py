@@ -83,7 +83,7 @@ def render_board(camera, cam_from_board, board, *, look=BoardLook(), blur=0.9, n
         part[_outside(x, board.columns + 1, look.margin) | _outside(y, board.rows + 1, look.margin)] = 2
         return np.take(np.float32([look.black, look.white, look.surroundings]), part), part
 
-    return _expose(_cast(camera, shade, blur), noise, rng)
+    return expose(_cast(camera, shade, blur), noise, rng)
 
 
 def render_hub(
@@ -99,8 +99,8 @@ def render_hub(
     look : HubLook
     blur : float
         Standard deviation of the Gaussian blur, px.
-    noise : float
-        Standard deviation of the noise, grey values.
+    noise : float or None
+        Standard deviation of the noise, grey values.  None: neither noise nor rounding; `expose` does them.
     highlights : float
         Brightness (grey values) of one specular spot on the rim of each peg top, and of one beside it.
     clutter : int
@@ -112,7 +112,7 @@ def render_hub(
 
     Returns
     -------
-    (height, width) uint8 ndarray
+    (height, width) uint8 ndarray; float32 without noise and rounding
 
     Raises
     ------
@@ -139,7 +139,7 @@ def render_hub(
         return grey, part
 
     box = _bounding_box(camera, cam_from_hub, hub, swarf, margin=int(5 * blur) + 3)
-    return _expose(_cast(camera, shade, blur, box, look.background), noise, rng)
+    return expose(_cast(camera, shade, blur, box, look.background), noise, rng)
 
 
 @dataclass(frozen=True)
@@ -432,8 +432,27 @@ def _blur(image, sigma):
     return cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE)
 
 
-def _expose(image, noise, rng):
-    """Add the sensor's noise, round to 8 bits."""
+def expose(image, noise, rng=None):
+    """Add the sensor's noise to a picture, and round it to 8 bits; with noise None return it as it is.
+
+    Parameters
+    ----------
+    image : (height, width) float32
+    noise : float or None
+        Standard deviation, grey values.
+    rng : seed or Generator
+
+    Returns
+    -------
+    (height, width) uint8 ndarray, or `image`
+
+    Raises
+    ------
+    ValueError
+        If `noise` is unusable.
+    """
+    if noise is None:
+        return image
     noise = as_number(noise, "noise", 0, 255)
     if noise > 0:
         image = image + np.float32(noise) * np.random.default_rng(rng).standard_normal(image.shape, np.float32)

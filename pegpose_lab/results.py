@@ -42,7 +42,12 @@ def replacing(path):
 
 def save_table(name, table, *, decimals=4):
     """Write a DataFrame as data/results/<name>.csv and .tex, numbers rounded to `decimals`."""
-    folder = output_folder() / "data" / "results"
+    write_table(output_folder() / "data" / "results", name, table, decimals=decimals)
+
+
+def write_table(folder, name, table, *, decimals=4):
+    """Write a DataFrame as <name>.csv and .tex into `folder`, numbers rounded to `decimals`."""
+    folder = Path(folder)
     rounded = table.round(decimals)
     with replacing(folder / f"{name}.csv") as path:
         rounded.to_csv(path, index=False, lineterminator="\n")
@@ -100,3 +105,39 @@ def _latex_cell(value):
     """One cell as LaTeX text."""
     text = f"{value:g}" if isinstance(value, float) else str(value)
     return "".join(_LATEX.get(character, character) for character in text)
+
+
+def update_block(path, name, text):
+    """Put `text` between the markers ``<!-- name:begin -->`` and ``<!-- name:end -->`` of a Markdown file.
+
+    Raises
+    ------
+    ValueError
+        If the file does not have exactly one such pair.
+    """
+    _, updated = _with_block(path, name, text)
+    with replacing(path) as temporary:
+        temporary.write_text(updated, encoding="utf-8", newline="\n")
+
+
+def block_is_current(path, name, text):
+    """Return whether `update_block` would leave the file as it is; raises as it does."""
+    before, updated = _with_block(path, name, text)
+    return before == updated
+
+
+def _with_block(path, name, text):
+    """The text of the file as it stands, and with `text` between its markers."""
+    begin_mark, end_mark = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
+    before = Path(path).read_text(encoding="utf-8")
+    begin, end = before.find(begin_mark), before.find(end_mark)
+    if before.count(begin_mark) != 1 or before.count(end_mark) != 1 or end < begin:
+        raise ValueError(f"path {path} has no single pair of lines {begin_mark} and {end_mark} to put the table between")
+    return before, before[:begin] + "\n".join([begin_mark, text, end_mark]) + before[end + len(end_mark) :]
+
+
+def markdown(rows, alignment):
+    """Return a Markdown table; the first of `rows` is the head, `alignment` a string with l or r for each column."""
+    rules = [{"l": "---", "r": "---:"}[letter] for letter in alignment]
+    first, *more = rows
+    return "\n".join("| " + " | ".join(str(cell).replace("|", r"\|") for cell in row) + " |" for row in [first, rules, *more])

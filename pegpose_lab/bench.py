@@ -1,0 +1,655 @@
+"""The benchmark of circle measurement: ours beside the peers' and beside the physical limit, in one run.
+
+Frames of a hub with four pegs are rendered with exact truth, without noise once for each pose and with noise for each
+level; every method gets the same frames, one after the other, in an order that rotates.  All of it is seeded.
+
+Definitions
+-----------
+truth
+    centroid and radius sqrt(area/pi) of a disc's exact image (`render.true_disc`).
+expected
+    the hub's bright discs (pegs, bore, screws) whose true radius lies in the radius range that every method is given.
+    Only pegs are scored for accuracy.
+detected
+    an expected disc for which a circle is reported, no further off than 10 % of the radius in centre and radius.
+    A circle counts for one disc only.
+false positive
+    any other circle that is reported with a radius in the range: a second one on the same disc, too.
+bound
+    the Cramer-Rao bound of a whole disc's edge, per axis (sigma/A) sqrt(2 s/(sqrt(pi) r)) for the centre, and that
+    over sqrt(2) for the radius, with s^2 = blur^2 + 1/12, sigma^2 = noise^2 + 1/12, A the pegs' grey value less the base's.
+bound of the visible arc
+    the same information summed over the part of the edge where the noise-free picture shows a clean edge: within 3 s
+    of the rim it departs from B + A Phi(d/s) by less than 5 % of A.  Unknowns: centre, radius and the ellipse's shape.
+error / bound
+    the median of |error| / bound over axes, pegs and frames, times 1.4826: for a normal distribution the rms, but it does
+    not see rare large errors.  The plain rms stands beside it.
+honesty
+    the standard deviation of (estimate - truth) / stated sigma, and the share within +-1.96 of it.
+time
+    processor time of one thread; the ratio to `peers.REFERENCE` is the median over frames of the ratio in the same frame.
+"""
+
+import json
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.special import ndtr
+from tqdm import tqdm
+
+from . import experiment, peers, results
+from .render import HubLook, TrueDisc, disc_outline, expose, render_hub, true_disc
+from .targets import Hub
+
+RADIUS_RANGE = (40.0, 60.0)  # px, for 1600 x 1200 px; the pegs have 46 to 51
+TOLERANCE = 0.1  # of the radius: what counts as detected
+DEPTH = 267.0  # mm, of the hub's centre
+SHIFT = (60.0, 35.0)  # mm, largest in x and y
+BLUR = (0.7, 1.2)  # px
+HONEST = 1.959964  # sigmas that hold 95 % of a normal distribution
+CLEAN_EDGE = 0.05  # of the contrast: what a clean edge may depart from the blurred step
+WORKERS = 2
+SEED = 20
+
+UNIFORM = replace(HubLook(), texture=0.0, shading=0.0, wall=HubLook().base, wall_shading=0.0)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a frame shows: least and largest tilt (deg), grey values, `highlights` and `clutter` as in `render_hub`."""
+
+    name: str
+    tilt: tuple
+    look: HubLook = UNIFORM
+    highlights: float = 0.0
+    clutter: int = 0
+
+
+TILTED = (10.0, 12.0)
+SCENES = (
+    Scene("clean", (0.0, 2.0)),
+    Scene("tilt", TILTED),
+    Scene("highlights", TILTED, highlights=80.0),
+    Scene("clutter", TILTED, highlights=80.0, clutter=40),
+    Scene("default look", TILTED, HubLook()),
+)
+SCENE_NOTES = (
+    "uniform surroundings, tilt 0 to 2 degrees",
+    "the same, tilt 10 to 12 degrees",
+    "tilt, and a specular spot (80 grey values) on each peg's rim and one beside it",
+    "highlights, and 40 bars and discs of swarf under the pegs",
+    "tilt, with turning marks, shading and darker side walls; no highlights, no clutter",
+)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How much is measured: frames for each scene, noise levels, sizes (megapixels), methods, whose memory."""
+
+    frames: dict
+    noises: tuple
+    sizes: tuple
+    methods: tuple = tuple(peers.METHODS)
+    memory: tuple = tuple(peers.METHODS)
+    repeats: int = 3
+
+
+_NAMES = [scene.name for scene in SCENES]
+FULL = Plan(dict.fromkeys(_NAMES[:4], 200) | {_NAMES[4]: 50}, (1, 2, 5, 10), (0.5, 1, 2, 5, 10, 20))
+QUICK = Plan(dict.fromkeys(_NAMES[:4], 2), (5,), (0.5, 2), memory=(peers.OURS,), repeats=1)
+
+
+# ---- frames ----
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A true disc; `peg` is its number, 0 for bore and screws; `visible` and `arc` as in `_arc_shape`."""
+
+    truth: TrueDisc
+    peg: int
+    visible: float = 0.0
+    arc: np.ndarray = None
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A noise-free picture, float32, with its discs, contrast and edge width s (px)."""
+
+    picture: np.ndarray
+    discs: list
+    contrast: float
+    edge_width: float
+
+
+def draw_frame(scene, number, camera=None):
+    """Render frame `number` of a scene, without noise; pose and blur come from the frame's own seed.
+
+    Parameters
+    ----------
+    scene : Scene
+    number : int
+    camera : TsaiCamera, optional
+        The paper's camera by default.
+
+    Returns
+    -------
+    Frame
+    """
+    camera, hub = camera or _camera(), Hub()
+    rng = np.random.default_rng([SEED, *scene.name.encode(), number])
+    pose, blur = _pose(scene, rng), rng.uniform(*BLUR)
+    picture = render_hub(
+        camera, pose, hub, look=scene.look, blur=blur, noise=None,
+        highlights=scene.highlights, clutter=scene.clutter, rng=rng,
+    )
+    contrast, width = scene.look.peg - scene.look.base, np.sqrt(blur**2 + 1 / 12)
+    discs = []
+    for number, center in enumerate(hub.peg_centers, 1):
+        outline = disc_outline(camera, pose, center, hub.peg_radius, 360)
+        visible, arc = _arc_shape(_clean_edge(picture, outline, scene.look.base, contrast, width), outline)
+        discs.append(Disc(true_disc(camera, pose, center, hub.peg_radius), number, visible, arc))
+    others = [(hub.bore_center, hub.bore_radius), *((center, hub.screw_radius) for center in hub.screw_centers)]
+    discs += [Disc(true_disc(camera, pose, *other), 0) for other in others]
+    return Frame(picture, discs, contrast, width)
+
+
+@cache
+def _camera():
+    return experiment.paper_camera()
+
+
+def _pose(scene, rng):
+    """A turn, a tilt about some axis, a shift; so every sub-pixel phase occurs."""
+    tilt, axis = np.deg2rad(rng.uniform(*scene.tilt)), rng.uniform(0, 2 * np.pi)
+    tilted = Rotation.from_rotvec([tilt * np.cos(axis), tilt * np.sin(axis), 0.0])
+    turned = Rotation.from_rotvec([0, 0, rng.uniform(0, 2 * np.pi)])
+    place = [*rng.uniform(-1, 1, 2) * SHIFT, DEPTH * rng.uniform(0.98, 1.02)]
+    return RigidTransform.from_components(place, tilted * turned)
+
+
+# ---- bounds ----
+
+
+def center_bound(radius, contrast, edge_width, noise):
+    """Cramer-Rao bound, px per axis, of the centre of a whole disc; the radius's is 1/sqrt(2) of it."""
+    sigma = np.sqrt(noise**2 + 1 / 12)
+    return sigma / contrast * np.sqrt(2 * edge_width / (np.sqrt(np.pi) * radius))
+
+
+def _clean_edge(picture, outline, base, contrast, width):
+    """At which points of an outline the noise-free picture shows the blurred step and nothing else."""
+    tangent = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
+    normal = np.column_stack([tangent[:, 1], -tangent[:, 0]]) / np.hypot(*tangent.T)[:, None]
+    outwards = np.sign(np.sum(normal * (outline - outline.mean(axis=0))))
+    distance = np.linspace(-3 * width, 3 * width, 19)
+    points = outline[:, None] + outwards * distance[:, None] * normal[:, None]
+    x, y = np.moveaxis(points, 2, 0).astype(np.float32)
+    profile = cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    departure = np.abs(profile - base - contrast * ndtr(-distance / width))
+    return departure.max(axis=1) < CLEAN_EDGE * contrast
+
+
+def _arc_shape(visible, outline):
+    """The visible share of an edge, and how much larger than the whole edge's the bounds of x, y and r are.
+
+    An edge of length dl tells its place along the normal with an information that is proportional to dl.  Where the
+    normal has the direction t, the edge moves by (cos t, sin t, 1, cos 2t, sin 2t) for a change of x, y, radius
+    and the two numbers of the ellipse's shape.  Infinite where too little is visible to tell them apart.
+    """
+    offset = outline - outline.mean(axis=0)
+    t = np.arctan2(offset[:, 1], offset[:, 0])
+    moves = np.stack([np.cos(t), np.sin(t), np.ones_like(t), np.cos(2 * t), np.sin(2 * t)], axis=1)
+    seen = moves[visible]
+    information = seen.T @ seen / len(moves)
+    if np.linalg.cond(information) > 1e6:
+        return visible.mean(), np.full(3, np.inf)
+    return visible.mean(), np.sqrt(np.diag(np.linalg.inv(information))[:3] / [2, 2, 1])
+
+
+# ---- one frame ----
+
+DISC_COLUMNS = ("scene", "noise", "frame", "method", "peg", "found", "visible", "arc", "x", "y", "r", "arc_x", "arc_y",
+                "arc_r", "z_x", "z_y", "z_r")  # fmt: skip
+FRAME_COLUMNS = ("scene", "noise", "frame", "method", "seconds", "false_positives")
+
+
+@contextmanager
+def _one_thread():
+    """OpenCV on one thread."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def measure_frame(scene, number, noises, methods):
+    """Give one frame, with each level of noise, to each method.
+
+    Parameters
+    ----------
+    scene : Scene
+    number : int
+    noises : sequence of float
+    methods : sequence of str
+        Keys of `peers.METHODS`.
+
+    Returns
+    -------
+    frames, discs : lists of tuples
+        With the columns `FRAME_COLUMNS` and `DISC_COLUMNS`; a row for each method, noise (and expected disc).
+    """
+    frame, frames, discs = draw_frame(scene, number), [], []
+    with _one_thread():
+        _warm_up(tuple(methods))
+        for noise in noises:
+            image = expose(frame.picture, noise, [SEED, number, int(10 * noise)])
+            for name in np.roll(methods, number).tolist():
+                found, seconds = peers.run(peers.METHODS[name], image, RADIUS_RANGE)
+                key = (scene.name, noise, number, name)
+                rows, false_positives = _score(frame, found, noise)
+                frames.append((*key, seconds, false_positives))
+                discs += [(*key, *row) for row in rows]
+    return frames, discs
+
+
+@cache
+def _warm_up(methods):
+    """Let each method run once in this process, so that no first call is timed."""
+    image = expose(draw_frame(SCENES[0], 10**6).picture, 5, 0)
+    for name in methods:
+        peers.run(peers.METHODS[name], image, RADIUS_RANGE)
+
+
+def _score(frame, found, noise):
+    """A row for each expected disc (see `DISC_COLUMNS`), and the number of circles that belong to none."""
+    low, high = RADIUS_RANGE
+    expected = [disc for disc in frame.discs if low <= disc.truth.radius <= high]
+    free, rows = np.ones(len(found), bool), []
+    for disc in expected:
+        index = _match(disc.truth, found, free)
+        if index is None:
+            rows.append((disc.peg, False, disc.visible, np.nan, *[np.nan] * 9))
+            continue
+        free[index] = False
+        rows.append((disc.peg, True, *_errors(frame, disc, found, index, noise)))
+    return rows, int(free.sum())
+
+
+def _match(truth, found, free):
+    """The free circle nearest to a disc, if it is near enough."""
+    apart = np.hypot(*(found.centers - truth.centroid).T)
+    usable = free & (apart <= TOLERANCE * truth.radius) & (np.abs(found.radii - truth.radius) <= TOLERANCE * truth.radius)
+    return int(np.where(usable, apart, np.inf).argmin()) if usable.any() else None
+
+
+def _errors(frame, disc, found, index, noise):
+    """Visible share, arc bound over bound, and errors of x, y, r over the bound, the arc's bound, the stated sigma."""
+    error = np.array([*(found.centers[index] - disc.truth.centroid), found.radii[index] - disc.truth.radius])
+    bound = center_bound(disc.truth.radius, frame.contrast, frame.edge_width, noise) * np.array([1, 1, np.sqrt(0.5)])
+    arc = np.full(3, np.inf) if disc.arc is None else disc.arc
+    sigmas = np.full(3, np.nan) if found.sigmas is None else found.sigmas[index]
+    return disc.visible, np.sqrt((arc[0] ** 2 + arc[1] ** 2) / 2), *error / bound, *error / bound / arc, *error / sigmas
+
+
+# ---- many frames ----
+
+
+def measure(plan, *, workers=WORKERS):
+    """Measure all frames of a plan, in parallel processes.
+
+    Returns
+    -------
+    frames, discs : DataFrames
+        As in `measure_frame`.
+    """
+    tasks = [
+        (scene, number, plan.noises, _methods_for(plan, number, plan.frames[scene.name]))
+        for scene in SCENES
+        for number in range(plan.frames.get(scene.name, 0))
+    ]
+    done = Parallel(n_jobs=workers, return_as="generator")(delayed(measure_frame)(*task) for task in tasks)
+    pairs = list(tqdm(done, total=len(tasks), unit="frame", desc="frames", disable=None))
+    columns = (FRAME_COLUMNS, DISC_COLUMNS)
+    return tuple(
+        pd.DataFrame([row for pair in pairs for row in pair[part]], columns=columns[part]) for part in (0, 1)
+    )
+
+
+def _methods_for(plan, number, frames):
+    """The methods that get frame `number`: slow ones get the first few only (`Method.share`, one at least)."""
+    return [
+        name for name in plan.methods
+        if not peers.missing(peers.METHODS[name]) and number < max(1, round(peers.METHODS[name].share * frames))
+    ]
+
+
+def summarize(frames, discs, methods=tuple(peers.METHODS)):
+    """The table of results: a row for each scene, noise and method (see the module's text for the columns' meaning)."""
+    reference = frames[frames["method"] == peers.REFERENCE].set_index(["scene", "noise", "frame"])["seconds"]
+    rows = []
+    for scene in frames["scene"].unique():
+        for noise in frames["noise"].unique():
+            for method in methods:
+                cell = [t[(t["scene"] == scene) & (t["noise"] == noise) & (t["method"] == method)] for t in (frames, discs)]
+                if len(cell[0]):
+                    rows.append({"scene": scene, "noise": noise, "method": method} | _cell(*cell, reference))
+    return pd.DataFrame(rows)
+
+
+def _cell(frames, discs, reference):
+    """One row's numbers."""
+    seconds = frames.set_index(["scene", "noise", "frame"])["seconds"]
+    ratio = seconds / reference.reindex(seconds.index)
+    pegs = discs[(discs["peg"] > 0) & discs["found"]]
+    center, radius = pegs[["x", "y"]].to_numpy().ravel(), pegs["r"].to_numpy()
+    z_center, z_radius = pegs[["z_x", "z_y"]].to_numpy().ravel(), pegs["z_r"].to_numpy()
+    return {
+        "frames": len(frames),
+        "ms": 1e3 * seconds.median(),
+        "time_ratio": ratio.median(),
+        "detection": 100 * discs["found"].mean(),
+        "false_positives": frames["false_positives"].mean(),
+        "center": _robust_rms(center),
+        "center_rms": _rms(center),
+        "radius": _robust_rms(radius),
+        "radius_rms": _rms(radius),
+        "visible": 100 * discs.loc[discs["peg"] > 0, "visible"].mean(),
+        "arc_bound": _median(pegs["arc"]),
+        "center_arc": _robust_rms(pegs[["arc_x", "arc_y"]].to_numpy().ravel()),
+        "radius_arc": _robust_rms(pegs["arc_r"].to_numpy()),
+        "center_sd": _spread(z_center),
+        "radius_sd": _spread(z_radius),
+        "coverage": _coverage(np.concatenate([z_center, z_radius])),
+    }
+
+
+def _median(values):
+    return float(np.median(values)) if len(values) else np.nan
+
+
+def _robust_rms(values):
+    return 1.4826 * _median(np.abs(values))
+
+
+def _rms(values):
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else np.nan
+
+
+def _spread(values):
+    """Standard deviation; NaN for methods that state no sigma."""
+    return float(np.std(values)) if len(values) else np.nan
+
+
+def _coverage(values):
+    """Per cent of the values within 1.96; NaN for methods that state no sigma."""
+    return 100 * float(np.mean(np.abs(values) < HONEST)) if len(values) and np.isfinite(values).all() else np.nan
+
+
+# ---- memory and size ----
+
+
+def peak_memory(method):
+    """Megabytes that a method needs for one 1600 x 1200 px frame above a process with all imports.
+
+    A fresh process loads the frame, lets the method run on a small part of it, and tells by how much the peak
+    of its memory during the whole frame lies above what it held before.
+    """
+    with tempfile.TemporaryDirectory(prefix="pegpose_") as folder:
+        path = Path(folder, "frame.npy")
+        np.save(path, expose(draw_frame(SCENES[1], 0).picture, 5, 0))
+        code = "import sys; from pegpose_lab import bench; bench.tell_memory(*sys.argv[1:])"
+        served = method.module == peers.CONTRIB_MODULE
+        variables = peers.contrib_variables() if served else dict(os.environ)
+        command = [sys.executable, "-c", code, method.name, path]
+        return float(subprocess.run(command, env=variables, check=True, capture_output=True, text=True).stdout)
+
+
+def tell_memory(name, path):
+    """Print what `peak_memory` asks for; runs in a process of its own."""
+    cv2.setNumThreads(1)
+    image, method = np.load(path), peers.METHODS[name]
+    peers.run(method, np.ascontiguousarray(image[:200, :200]), RADIUS_RANGE)
+    before = _memory("VmRSS")
+    peers.run(method, image, RADIUS_RANGE)
+    print(max(_memory("VmHWM") - before, 0.0))
+
+
+def _memory(field):
+    """Resident memory now (VmRSS) or its peak (VmHWM), MB.
+
+    Elsewhere than on Linux the peak stands for both.  On Linux getrusage's peak is that of the parent process, if
+    that was larger.
+    """
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        return int(status.split(field + ":")[1].split()[0]) / 1024
+    except OSError:
+        import resource
+
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def measure_sizes(sizes, *, methods=(peers.OURS, peers.REFERENCE), repeats=3):
+    """Time against the picture's size: the same scene with more pixels, radii and range in proportion.
+
+    Parameters
+    ----------
+    sizes : sequence of float
+        Megapixels.
+    methods : sequence of str
+    repeats : int
+
+    Returns
+    -------
+    DataFrame
+        megapixels, method, ms (median), ms_per_megapixel.
+    """
+    rows = []
+    with _one_thread():
+        for size in tqdm(sizes, unit="size", desc="sizes ", disable=None):
+            camera = _scaled(_camera(), np.sqrt(1e6 * size / np.prod(_camera().image_size)))
+            image = expose(draw_frame(SCENES[0], 0, camera).picture, 5, 0)
+            scale = camera.image_size[0] / _camera().image_size[0]
+            limits = tuple(scale * radius for radius in RADIUS_RANGE)
+            times = {name: [] for name in methods}
+            for _ in range(repeats + 1):
+                for name in methods:
+                    times[name].append(peers.run(peers.METHODS[name], image, limits)[1])
+            for name, seconds in times.items():
+                ms = 1e3 * float(np.median(seconds[1:]))  # the first run warms up
+                rows.append((image.size / 1e6, name, ms, ms / (image.size / 1e6)))
+    return pd.DataFrame(rows, columns=["megapixels", "method", "ms", "ms_per_megapixel"])
+
+
+def _scaled(camera, scale):
+    """The same camera with `scale` times the pixels along each axis."""
+    width, height = (round(scale * length) for length in camera.image_size)
+    pitch = tuple(np.divide(camera.pixel_pitch, scale).tolist())
+    middle = ((width - 1) / 2, (height - 1) / 2)
+    return replace(camera, image_size=(width, height), pixel_pitch=pitch, principal_point=middle)
+
+
+def growth(sizes, method=peers.OURS):
+    """Exponent of time over size: the slope of ln(ms) over ln(megapixels)."""
+    rows = sizes[sizes["method"] == method]
+    return float(np.polyfit(np.log(rows["megapixels"]), np.log(rows["ms"]), 1)[0])
+
+
+# ---- the report ----
+
+
+@dataclass(frozen=True)
+class Report:
+    """Tables of a run: `circles` (`summarize`), `methods`, `sizes` (`measure_sizes`), `targets` (`judge`)."""
+
+    circles: pd.DataFrame
+    methods: pd.DataFrame
+    sizes: pd.DataFrame
+    targets: pd.DataFrame
+
+
+def run(plan=FULL, *, workers=WORKERS):
+    """Measure all that a plan names.
+
+    Returns
+    -------
+    Report
+    """
+    frames, discs = measure(plan, workers=workers)
+    circles = summarize(frames, discs, plan.methods)
+    methods = describe_methods(plan)
+    sizes = measure_sizes(plan.sizes, repeats=plan.repeats)
+    return Report(circles, methods, sizes, judge(circles, methods, sizes))
+
+
+def describe_methods(plan):
+    """Each method's package, version, settings, memory (MB; NaN if not measured) and why it is missing, if it is."""
+    rows = []
+    for name in plan.methods:
+        method = peers.METHODS[name]
+        reason = peers.missing(method)
+        memory = np.nan if reason or name not in plan.memory else peak_memory(method)
+        rows.append((name, method.package, peers.version(method), method.settings, memory, reason))
+    return pd.DataFrame(rows, columns=["method", "package", "version", "settings", "memory_mb", "missing"])
+
+
+# scene: largest centre/bound, radius/bound, time ratio, false positives; least detection, range of the sigmas' spread
+_LIMITS = {
+    "clean": (1.05, 1.2, 1.0, 0.0, 100.0, (0.9, 1.1)),
+    "tilt": (1.05, 1.2, 1.0, 0.0, 100.0, (0.9, 1.1)),
+    "highlights": (1.6, 2.0, 3.0, 0.0, 100.0, (0.0, 1.3)),
+    "clutter": (2.0, 2.5, 3.0, 0.01, 99.5, (0.0, 1.3)),
+}
+TARGET_NOISE = 5
+
+
+def judge(circles, methods, sizes):
+    """What was aimed at, beside what was measured.
+
+    Returns
+    -------
+    DataFrame
+        scene, quantity, low, high (the limits; NaN for none), measured, met.
+    """
+    ours = circles[circles["method"] == peers.OURS]
+    rows = []
+    for row in ours[ours["noise"] == TARGET_NOISE].itertuples():
+        if row.scene in _LIMITS:
+            rows += _scene_targets(row, *_LIMITS[row.scene])
+    worst = ours.loc[ours["scene"] == "clean", "center"].max()
+    rows.append(("clean", "centre / bound, worst noise", np.nan, 1.1, worst))
+    memory = methods.set_index("method").loc[peers.OURS, "memory_mb"]
+    rows.append(("tilt", "memory, MB", np.nan, 100.0, memory))
+    rows.append(("clean", "exponent of time over megapixels", np.nan, 1.1, growth(sizes)))
+    table = pd.DataFrame(rows, columns=["scene", "quantity", "low", "high", "measured"])
+    below, above = table["measured"] < table["low"], table["measured"] > table["high"]
+    table["met"] = np.where(below | above | table["measured"].isna(), "no", "yes")
+    return table
+
+
+def _scene_targets(row, center, radius, time, false_positives, detection, spread):
+    """A scene's part of `judge`'s rows."""
+    return [
+        (row.scene, "centre / bound", np.nan, center, row.center),
+        (row.scene, "radius / bound", np.nan, radius, row.radius),
+        (row.scene, f"time / {peers.REFERENCE}", np.nan, time, row.time_ratio),
+        (row.scene, "detection, %", detection, np.nan, row.detection),
+        (row.scene, "false positives per frame", np.nan, false_positives, row.false_positives),
+        (row.scene, "sd of centre error / sigma", *spread, row.center_sd),
+        (row.scene, "sd of radius error / sigma", *spread, row.radius_sd),
+        (row.scene, "95 % intervals that hold the truth, %", 93.0, 97.0, row.coverage),
+    ]
+
+
+def write(report, folder, readme=None):
+    """Write bench_circles, bench_methods, bench_sizes and bench_targets (.csv and .tex) into a folder.
+
+    Parameters
+    ----------
+    report : Report
+    folder : Path
+    readme : Path, optional
+        A Markdown file whose block between ``<!-- bench:begin -->`` and ``<!-- bench:end -->`` is renewed.
+
+    Raises
+    ------
+    ValueError
+        If the file does not have exactly one such pair.
+    """
+    for name in Report.__dataclass_fields__:
+        results.write_table(folder, f"bench_{name}", getattr(report, name))
+    if readme is not None:
+        results.update_block(readme, "bench", to_markdown(load(folder)))
+
+
+def load(folder):
+    """Read back what `write` wrote."""
+    names = Report.__dataclass_fields__
+    return Report(**{name: pd.read_csv(Path(folder, f"bench_{name}.csv")) for name in names})
+
+
+def readme_is_current(readme, folder):
+    """Return whether a README's block is what `write` would make of the tables in a folder; raises as it does."""
+    return results.block_is_current(readme, "bench", to_markdown(load(folder)))
+
+
+_SHOWN = {
+    "method": "method", "frames": "frames", "ms": "ms", "time_ratio": "time ratio", "detection": "detected, %",
+    "false_positives": "false per frame", "center": "centre / bound", "center_rms": "its rms",
+    "radius": "radius / bound", "radius_rms": "its rms", "arc_bound": "arc bound / bound",
+    "center_arc": "centre / arc bound", "radius_arc": "radius / arc bound",
+}  # fmt: skip
+
+
+def to_markdown(report):
+    """The block of a README: a table for each scene at the noise of the targets, then what was aimed at."""
+    lines = [f"Noise {TARGET_NOISE} grey values, blur {BLUR[0]} to {BLUR[1]} px, 1600 x 1200 px; time ratio: "
+             f"to {peers.REFERENCE} in the same frames."]  # fmt: skip
+    for scene, note in zip(SCENES, SCENE_NOTES, strict=True):
+        part = report.circles.query("scene == @scene.name and noise == @TARGET_NOISE")
+        if len(part):
+            rows = [list(_SHOWN.values()), *(_shown(row) for row in part[list(_SHOWN)].to_numpy())]
+            lines += ["", f"**{scene.name}**: {note}", "", results.markdown(rows, "l" + "r" * (len(_SHOWN) - 1))]
+    lines += _absent(report.methods)
+    head = ["scene", "quantity", "low", "high", "measured", "met"]
+    rows = [_shown(row) for row in report.targets[head].to_numpy()]
+    return "\n".join([*lines, "", "Aims and what was measured:", "", results.markdown([head, *rows], "llrrrl")])
+
+
+def _absent(methods):
+    """A line for each method that could not run."""
+    rows = methods[methods["missing"].fillna("") != ""]
+    return [line for row in rows.itertuples() for line in ("", f"{row.method}: not measured, {row.missing}.")]
+
+
+def _shown(row):
+    """Cells as text, numbers with three digits, nothing for NaN."""
+    return ["" if value != value else value if isinstance(value, str) else _digits(value) for value in row]
+
+
+def _digits(value):
+    """Three digits, but all of a whole number's."""
+    return f"{value:.0f}" if abs(value) >= 100 or value == round(value) else f"{value:.3g}"
+
+
+def to_text(report):
+    """All tables for a terminal."""
+    with pd.option_context("display.width", 250, "display.max_columns", 30, "display.max_rows", 500):
+        parts = [getattr(report, name).round(3).to_string(index=False, na_rep="") for name in Report.__dataclass_fields__]
+    machine = json.dumps({"python": platform.python_version(), "opencv": cv2.__version__, "numpy": np.__version__})
+    return "\n\n".join([machine, *parts, f"{(report.targets['met'] == 'yes').sum()} of {len(report.targets)} aims met."])
