@@ -106,13 +106,17 @@ def _test(options):
 def _bench(options):
     """Measure circle detection beside its peers and its bound; a full run is written into place."""
     environment.add_bench_packages()
-    from pegpose_lab import bench
+    from pegpose_lab import bench, results
 
+    readme = CHECKOUT / "README.md" if options.output == CHECKOUT and not options.quick else None
+    if readme:
+        results.block_is_current(readme, "bench", "")  # raises now, not after the run, if there is no place for it
     report = bench.run(bench.QUICK if options.quick else bench.FULL)
     if not options.quick:
-        readme = CHECKOUT / "README.md" if options.output == CHECKOUT else None
         bench.write(report, options.output / "data" / "results", readme)
     print(bench.to_text(report))
+    if options.quick:
+        print("A quick run: it shows that everything works; one frame of each scene says nothing of the aims.")
     return 0
 
 
@@ -173,10 +177,10 @@ def _parser():
     bench = commands.add_parser(
         "bench",
         help="measure circle detection beside its peers and the physical limit",
-        description="Render frames with exact truth and give them to our circle measurement and to its peers: time, "
-        "detection, and errors over the bound; about a quarter of an hour on two idle cores. Installs the peers "
-        "into .venv first (the optional group bench, and opencv-contrib in a folder of its own); one that cannot be "
-        "installed is left out and named. Writes data/results/bench_*.csv and the README's table.",
+        description="Render frames with exact truth and give them to our circle measurement and to its peers: "
+        "time, detection, and errors over the bound; about a quarter of an hour on two idle cores. Installs the "
+        "peers into .venv first (the optional group bench, and opencv-contrib in a folder of its own); one that "
+        "cannot be installed is left out and named. Writes data/results/bench_*.csv and the README's table.",
     )
     bench.add_argument(
         "--output",
@@ -185,7 +189,7 @@ def _parser():
         metavar="DIR",
         help="write DIR/data/results (default: the checkout, and its README)",
     )
-    bench.add_argument("--quick", action="store_true", help="a few frames, some seconds; prints and writes nothing")
+    bench.add_argument("--quick", action="store_true", help="a few frames, some seconds; writes nothing")
     bench.set_defaults(run=_bench)
 
     lab = commands.add_parser(

@@ -1,33 +1,36 @@
 """The benchmark of circle measurement: ours beside the peers' and beside the physical limit, in one run.
 
-Frames of a hub with four pegs are rendered with exact truth, without noise once for each pose and with noise for each
-level; every method gets the same frames, one after the other, in an order that rotates.  All of it is seeded.
+Frames of a hub with four pegs are rendered with exact truth, without noise once for each pose and with noise for
+each level; every method gets the same frames, one after the other, in an order that rotates.  All of it is seeded.
 
 Definitions
 -----------
 truth
     centroid and radius sqrt(area/pi) of a disc's exact image (`render.true_disc`).
 expected
-    the hub's bright discs (pegs, bore, screws) whose true radius lies in the radius range that every method is given.
-    Only pegs are scored for accuracy.
+    the hub's bright discs (pegs, bore, screws) whose true radius lies in the radius range that every method is
+    given.  Only pegs are scored for accuracy.
 detected
-    an expected disc for which a circle is reported, no further off than 10 % of the radius in centre and radius.
-    A circle counts for one disc only.
+    an expected disc for which a circle is reported that is off by 10 % of the radius at most, in its centre and
+    in its radius.  A circle counts for one disc only.
 false positive
     any other circle that is reported with a radius in the range: a second one on the same disc, too.
 bound
-    the Cramer-Rao bound of a whole disc's edge, per axis (sigma/A) sqrt(2 s/(sqrt(pi) r)) for the centre, and that
-    over sqrt(2) for the radius, with s^2 = blur^2 + 1/12, sigma^2 = noise^2 + 1/12, A the pegs' grey value less the base's.
+    the Cramer-Rao bound of a whole disc's edge, per axis (sigma/A) sqrt(2 s/(sqrt(pi) r)) for the centre, and
+    that over sqrt(2) for the radius, with s^2 = blur^2 + 1/12, sigma^2 = noise^2 + 1/12, A the pegs' grey value
+    less the base's.
 bound of the visible arc
-    the same information summed over the part of the edge where the noise-free picture shows a clean edge: within 3 s
-    of the rim it departs from B + A Phi(d/s) by less than 5 % of A.  Unknowns: centre, radius and the ellipse's shape.
+    the same information summed over the part of the edge where the noise-free picture shows a clean edge: within
+    3 s of the rim it departs from B + A Phi(d/s) by less than 5 % of A.  Unknowns: centre, radius and the
+    ellipse's shape.
 error / bound
-    the median of |error| / bound over axes, pegs and frames, times 1.4826: for a normal distribution the rms, but it does
-    not see rare large errors.  The plain rms stands beside it.
+    the median of |error| / bound over axes, pegs and frames, times 1.4826: for a normal distribution the rms, but
+    it does not see rare large errors.  The plain rms stands beside it.
 honesty
     the standard deviation of (estimate - truth) / stated sigma, and the share within +-1.96 of it.
 time
-    processor time of one thread; the ratio to `peers.REFERENCE` is the median over frames of the ratio in the same frame.
+    processor time of one thread; the ratio to `peers.REFERENCE` is the median over frames of the ratio in the
+    same frame.
 """
 
 import json
@@ -63,12 +66,13 @@ CLEAN_EDGE = 0.05  # of the contrast: what a clean edge may depart from the blur
 WORKERS = 2
 SEED = 20
 
+HUB = Hub(radius=80.0)  # large enough for a peg's surroundings to be its base from every side
 UNIFORM = replace(HubLook(), texture=0.0, shading=0.0, wall=HubLook().base, wall_shading=0.0)
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What a frame shows: least and largest tilt (deg), grey values, `highlights` and `clutter` as in `render_hub`."""
+    """What a frame shows: least and largest tilt (deg), grey values; the rest as for `render_hub`."""
 
     name: str
     tilt: tuple
@@ -78,37 +82,42 @@ class Scene:
 
 
 TILTED = (10.0, 12.0)
-SCENES = (
-    Scene("clean", (0.0, 2.0)),
-    Scene("tilt", TILTED),
-    Scene("highlights", TILTED, highlights=80.0),
-    Scene("clutter", TILTED, highlights=80.0, clutter=40),
-    Scene("default look", TILTED, HubLook()),
-)
-SCENE_NOTES = (
-    "uniform surroundings, tilt 0 to 2 degrees",
-    "the same, tilt 10 to 12 degrees",
-    "tilt, and a specular spot (80 grey values) on each peg's rim and one beside it",
-    "highlights, and 40 bars and discs of swarf under the pegs",
-    "tilt, with turning marks, shading and darker side walls; no highlights, no clutter",
-)
+SCENES = {
+    Scene("clean", (0.0, 2.0)): "uniform surroundings, tilt 0 to 2 degrees",
+    Scene("tilt", TILTED): "the same, tilt 10 to 12 degrees",
+    Scene("highlights", TILTED, highlights=40.0): (
+        "tilt, and a specular spot of 40 grey values on each peg's rim and one beside it"
+    ),
+    Scene("clutter", TILTED, highlights=40.0, clutter=28): (
+        "highlights, and 28 bars and discs of swarf on the base and around it"
+    ),
+    Scene("harder", TILTED, highlights=80.0, clutter=55): (
+        "clutter, with spots of 80 grey values and 55 pieces of swarf"
+    ),
+    Scene("default look", TILTED, HubLook()): (
+        "tilt, with turning marks, shading and darker side walls; nothing else"
+    ),
+}
+TARGET_NOISE = 5
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured: frames for each scene, noise levels, sizes (megapixels), methods, whose memory."""
+    """How much is measured: {scene: (frames, noise levels)}, sizes in megapixels, methods, whose memory."""
 
-    frames: dict
-    noises: tuple
+    cells: dict
     sizes: tuple
     methods: tuple = tuple(peers.METHODS)
     memory: tuple = tuple(peers.METHODS)
     repeats: int = 3
 
 
-_NAMES = [scene.name for scene in SCENES]
-FULL = Plan(dict.fromkeys(_NAMES[:4], 200) | {_NAMES[4]: 50}, (1, 2, 5, 10), (0.5, 1, 2, 5, 10, 20))
-QUICK = Plan(dict.fromkeys(_NAMES[:4], 2), (5,), (0.5, 2), memory=(peers.OURS,), repeats=1)
+_MAIN, _OTHER = list(SCENES)[:4], list(SCENES)[4:]
+FULL = Plan(
+    dict.fromkeys(_MAIN, (200, (1, 2, 5, 10))) | dict.fromkeys(_OTHER, (50, (TARGET_NOISE,))),
+    (0.5, 1, 2, 5, 10, 20),
+)
+QUICK = Plan(dict.fromkeys(_MAIN, (1, (TARGET_NOISE,))), (0.5, 2), memory=(peers.OURS,), repeats=1)
 
 
 # ---- frames ----
@@ -148,20 +157,20 @@ def draw_frame(scene, number, camera=None):
     -------
     Frame
     """
-    camera, hub = camera or _camera(), Hub()
+    camera = camera or _camera()
     rng = np.random.default_rng([SEED, *scene.name.encode(), number])
     pose, blur = _pose(scene, rng), rng.uniform(*BLUR)
     picture = render_hub(
-        camera, pose, hub, look=scene.look, blur=blur, noise=None,
+        camera, pose, HUB, look=scene.look, blur=blur, noise=None,
         highlights=scene.highlights, clutter=scene.clutter, rng=rng,
     )
     contrast, width = scene.look.peg - scene.look.base, np.sqrt(blur**2 + 1 / 12)
     discs = []
-    for number, center in enumerate(hub.peg_centers, 1):
-        outline = disc_outline(camera, pose, center, hub.peg_radius, 360)
+    for peg, center in enumerate(HUB.peg_centers, 1):
+        outline = disc_outline(camera, pose, center, HUB.peg_radius, 360)
         visible, arc = _arc_shape(_clean_edge(picture, outline, scene.look.base, contrast, width), outline)
-        discs.append(Disc(true_disc(camera, pose, center, hub.peg_radius), number, visible, arc))
-    others = [(hub.bore_center, hub.bore_radius), *((center, hub.screw_radius) for center in hub.screw_centers)]
+        discs.append(Disc(true_disc(camera, pose, center, HUB.peg_radius), peg, visible, arc))
+    others = [(HUB.bore_center, HUB.bore_radius), *((center, HUB.screw_radius) for center in HUB.screw_centers)]
     discs += [Disc(true_disc(camera, pose, *other), 0) for other in others]
     return Frame(picture, discs, contrast, width)
 
@@ -205,9 +214,9 @@ def _clean_edge(picture, outline, base, contrast, width):
 def _arc_shape(visible, outline):
     """The visible share of an edge, and how much larger than the whole edge's the bounds of x, y and r are.
 
-    An edge of length dl tells its place along the normal with an information that is proportional to dl.  Where the
-    normal has the direction t, the edge moves by (cos t, sin t, 1, cos 2t, sin 2t) for a change of x, y, radius
-    and the two numbers of the ellipse's shape.  Infinite where too little is visible to tell them apart.
+    An edge of length dl tells its place along the normal with an information that is proportional to dl.  Where
+    the normal has the direction t, the edge moves by (cos t, sin t, 1, cos 2t, sin 2t) for a change of x, y,
+    radius and the two numbers of the ellipse's shape.  Infinite where too little is visible to tell them apart.
     """
     offset = outline - outline.mean(axis=0)
     t = np.arctan2(offset[:, 1], offset[:, 0])
@@ -221,9 +230,10 @@ def _arc_shape(visible, outline):
 
 # ---- one frame ----
 
-DISC_COLUMNS = ("scene", "noise", "frame", "method", "peg", "found", "visible", "arc", "x", "y", "r", "arc_x", "arc_y",
-                "arc_r", "z_x", "z_y", "z_r")  # fmt: skip
-FRAME_COLUMNS = ("scene", "noise", "frame", "method", "seconds", "false_positives")
+_KEY = ("scene", "noise", "frame", "method")
+FRAME_COLUMNS = (*_KEY, "seconds", "false_positives")
+_ERRORS = ("x", "y", "r", "arc_x", "arc_y", "arc_r", "z_x", "z_y", "z_r")  # over bound, arc's bound, stated sigma
+DISC_COLUMNS = (*_KEY, "peg", "found", "visible", "arc", *_ERRORS)
 
 
 @contextmanager
@@ -257,7 +267,7 @@ def measure_frame(scene, number, noises, methods):
     with _one_thread():
         _warm_up(tuple(methods))
         for noise in noises:
-            image = expose(frame.picture, noise, [SEED, number, int(10 * noise)])
+            image = expose(frame.picture, noise, [SEED, *scene.name.encode(), number, int(1000 * noise)])
             for name in np.roll(methods, number).tolist():
                 found, seconds = peers.run(peers.METHODS[name], image, RADIUS_RANGE)
                 key = (scene.name, noise, number, name)
@@ -269,8 +279,8 @@ def measure_frame(scene, number, noises, methods):
 
 @cache
 def _warm_up(methods):
-    """Let each method run once in this process, so that no first call is timed."""
-    image = expose(draw_frame(SCENES[0], 10**6).picture, 5, 0)
+    """Let each method run once in this process, on a part of a frame, so that no first call is timed."""
+    image = np.ascontiguousarray(expose(draw_frame(_MAIN[0], 10**6).picture, 5, 0)[300:900, 500:1100])
     for name in methods:
         peers.run(peers.METHODS[name], image, RADIUS_RANGE)
 
@@ -293,17 +303,19 @@ def _score(frame, found, noise):
 def _match(truth, found, free):
     """The free circle nearest to a disc, if it is near enough."""
     apart = np.hypot(*(found.centers - truth.centroid).T)
-    usable = free & (apart <= TOLERANCE * truth.radius) & (np.abs(found.radii - truth.radius) <= TOLERANCE * truth.radius)
+    reach = TOLERANCE * truth.radius
+    usable = free & (apart <= reach) & (np.abs(found.radii - truth.radius) <= reach)
     return int(np.where(usable, apart, np.inf).argmin()) if usable.any() else None
 
 
 def _errors(frame, disc, found, index, noise):
-    """Visible share, arc bound over bound, and errors of x, y, r over the bound, the arc's bound, the stated sigma."""
+    """Visible share, arc bound over bound, and errors of x, y, r over bound, arc's bound and stated sigma."""
     error = np.array([*(found.centers[index] - disc.truth.centroid), found.radii[index] - disc.truth.radius])
-    bound = center_bound(disc.truth.radius, frame.contrast, frame.edge_width, noise) * np.array([1, 1, np.sqrt(0.5)])
+    bound = center_bound(disc.truth.radius, frame.contrast, frame.edge_width, noise) * np.sqrt([1, 1, 0.5])
     arc = np.full(3, np.inf) if disc.arc is None else disc.arc
     sigmas = np.full(3, np.nan) if found.sigmas is None else found.sigmas[index]
-    return disc.visible, np.sqrt((arc[0] ** 2 + arc[1] ** 2) / 2), *error / bound, *error / bound / arc, *error / sigmas
+    larger = np.sqrt((arc[0] ** 2 + arc[1] ** 2) / 2)
+    return disc.visible, larger, *error / bound, *error / bound / arc, *error / sigmas
 
 
 # ---- many frames ----
@@ -318,9 +330,9 @@ def measure(plan, *, workers=WORKERS):
         As in `measure_frame`.
     """
     tasks = [
-        (scene, number, plan.noises, _methods_for(plan, number, plan.frames[scene.name]))
-        for scene in SCENES
-        for number in range(plan.frames.get(scene.name, 0))
+        (scene, number, noises, _methods_for(plan, number, frames))
+        for scene, (frames, noises) in plan.cells.items()
+        for number in range(frames)
     ]
     done = Parallel(n_jobs=workers, return_as="generator")(delayed(measure_frame)(*task) for task in tasks)
     pairs = list(tqdm(done, total=len(tasks), unit="frame", desc="frames", disable=None))
@@ -331,24 +343,28 @@ def measure(plan, *, workers=WORKERS):
 
 
 def _methods_for(plan, number, frames):
-    """The methods that get frame `number`: slow ones get the first few only (`Method.share`, one at least)."""
+    """The methods that get frame `number`: slow ones get the first few only (`Method.share`), one at least."""
     return [
         name for name in plan.methods
         if not peers.missing(peers.METHODS[name]) and number < max(1, round(peers.METHODS[name].share * frames))
     ]
 
 
-def summarize(frames, discs, methods=tuple(peers.METHODS)):
-    """The table of results: a row for each scene, noise and method (see the module's text for the columns' meaning)."""
+def summarize(frames, discs):
+    """The table of results: a row for each scene, noise and method; the module's text says what is what."""
     reference = frames[frames["method"] == peers.REFERENCE].set_index(["scene", "noise", "frame"])["seconds"]
-    rows = []
-    for scene in frames["scene"].unique():
-        for noise in frames["noise"].unique():
-            for method in methods:
-                cell = [t[(t["scene"] == scene) & (t["noise"] == noise) & (t["method"] == method)] for t in (frames, discs)]
-                if len(cell[0]):
-                    rows.append({"scene": scene, "noise": noise, "method": method} | _cell(*cell, reference))
-    return pd.DataFrame(rows)
+    rows, key = [], ["scene", "noise", "method"]
+    parts = dict(list(discs.groupby(key, sort=False)))
+    for (scene, noise, method), part in frames.groupby(key, sort=False):
+        cell = _cell(part, parts.get((scene, noise, method), discs[:0]), reference)
+        rows.append({"scene": scene, "noise": noise, "method": method} | cell)
+    table = pd.DataFrame(rows)
+    order = table[["scene", "method"]].apply(lambda column: column.map(_ORDER))
+    return table.iloc[np.lexsort((order["method"], table["noise"], order["scene"]))].reset_index(drop=True)
+
+
+# scenes and methods in the order of the tables
+_ORDER = {name: k for k, name in enumerate([*(scene.name for scene in SCENES), *peers.METHODS])}
 
 
 def _cell(frames, discs, reference):
@@ -411,7 +427,7 @@ def peak_memory(method):
     """
     with tempfile.TemporaryDirectory(prefix="pegpose_") as folder:
         path = Path(folder, "frame.npy")
-        np.save(path, expose(draw_frame(SCENES[1], 0).picture, 5, 0))
+        np.save(path, expose(draw_frame(_MAIN[1], 0).picture, 5, 0))
         code = "import sys; from pegpose_lab import bench; bench.tell_memory(*sys.argv[1:])"
         served = method.module == peers.CONTRIB_MODULE
         variables = peers.contrib_variables() if served else dict(os.environ)
@@ -463,7 +479,7 @@ def measure_sizes(sizes, *, methods=(peers.OURS, peers.REFERENCE), repeats=3):
     with _one_thread():
         for size in tqdm(sizes, unit="size", desc="sizes ", disable=None):
             camera = _scaled(_camera(), np.sqrt(1e6 * size / np.prod(_camera().image_size)))
-            image = expose(draw_frame(SCENES[0], 0, camera).picture, 5, 0)
+            image = expose(draw_frame(_MAIN[0], 0, camera).picture, 5, 0)
             scale = camera.image_size[0] / _camera().image_size[0]
             limits = tuple(scale * radius for radius in RADIUS_RANGE)
             times = {name: [] for name in methods}
@@ -511,14 +527,14 @@ def run(plan=FULL, *, workers=WORKERS):
     Report
     """
     frames, discs = measure(plan, workers=workers)
-    circles = summarize(frames, discs, plan.methods)
+    circles = summarize(frames, discs)
     methods = describe_methods(plan)
     sizes = measure_sizes(plan.sizes, repeats=plan.repeats)
     return Report(circles, methods, sizes, judge(circles, methods, sizes))
 
 
 def describe_methods(plan):
-    """Each method's package, version, settings, memory (MB; NaN if not measured) and why it is missing, if it is."""
+    """Each method's package, version, settings, memory (MB; NaN: not measured), and why it is missing if it is."""
     rows = []
     for name in plan.methods:
         method = peers.METHODS[name]
@@ -528,14 +544,13 @@ def describe_methods(plan):
     return pd.DataFrame(rows, columns=["method", "package", "version", "settings", "memory_mb", "missing"])
 
 
-# scene: largest centre/bound, radius/bound, time ratio, false positives; least detection, range of the sigmas' spread
+# scene: largest centre/bound, radius/bound, time ratio, false positives; least detection; range of sd over sigma
 _LIMITS = {
     "clean": (1.05, 1.2, 1.0, 0.0, 100.0, (0.9, 1.1)),
     "tilt": (1.05, 1.2, 1.0, 0.0, 100.0, (0.9, 1.1)),
     "highlights": (1.6, 2.0, 3.0, 0.0, 100.0, (0.0, 1.3)),
     "clutter": (2.0, 2.5, 3.0, 0.01, 99.5, (0.0, 1.3)),
 }
-TARGET_NOISE = 5
 
 
 def judge(circles, methods, sizes):
@@ -558,7 +573,7 @@ def judge(circles, methods, sizes):
     rows.append(("clean", "exponent of time over megapixels", np.nan, 1.1, growth(sizes)))
     table = pd.DataFrame(rows, columns=["scene", "quantity", "low", "high", "measured"])
     below, above = table["measured"] < table["low"], table["measured"] > table["high"]
-    table["met"] = np.where(below | above | table["measured"].isna(), "no", "yes")
+    table["met"] = np.where(table["measured"].isna(), "not measured", np.where(below | above, "no", "yes"))
     return table
 
 
@@ -611,16 +626,15 @@ def readme_is_current(readme, folder):
 _SHOWN = {
     "method": "method", "frames": "frames", "ms": "ms", "time_ratio": "time ratio", "detection": "detected, %",
     "false_positives": "false per frame", "center": "centre / bound", "center_rms": "its rms",
-    "radius": "radius / bound", "radius_rms": "its rms", "arc_bound": "arc bound / bound",
+    "radius": "radius / bound", "arc_bound": "arc bound / bound",
     "center_arc": "centre / arc bound", "radius_arc": "radius / arc bound",
 }  # fmt: skip
 
 
 def to_markdown(report):
     """The block of a README: a table for each scene at the noise of the targets, then what was aimed at."""
-    lines = [f"Noise {TARGET_NOISE} grey values, blur {BLUR[0]} to {BLUR[1]} px, 1600 x 1200 px; time ratio: "
-             f"to {peers.REFERENCE} in the same frames."]  # fmt: skip
-    for scene, note in zip(SCENES, SCENE_NOTES, strict=True):
+    lines = [_heading()]
+    for scene, note in SCENES.items():
         part = report.circles.query("scene == @scene.name and noise == @TARGET_NOISE")
         if len(part):
             rows = [list(_SHOWN.values()), *(_shown(row) for row in part[list(_SHOWN)].to_numpy())]
@@ -631,6 +645,15 @@ def to_markdown(report):
     return "\n".join([*lines, "", "Aims and what was measured:", "", results.markdown([head, *rows], "llrrrl")])
 
 
+def _heading():
+    """What holds for all tables."""
+    return (
+        f"Noise {TARGET_NOISE} grey values, blur {BLUR[0]} to {BLUR[1]} px, 1600 x 1200 px; time ratio: to "
+        f"{peers.REFERENCE} in the same frames. Definitions stand in `pegpose_lab.bench`, the peers' settings, "
+        "versions and memory in `data/results/bench_methods.csv`."
+    )
+
+
 def _absent(methods):
     """A line for each method that could not run."""
     rows = methods[methods["missing"].fillna("") != ""]
@@ -639,17 +662,21 @@ def _absent(methods):
 
 def _shown(row):
     """Cells as text, numbers with three digits, nothing for NaN."""
-    return ["" if value != value else value if isinstance(value, str) else _digits(value) for value in row]
+    return [value if isinstance(value, str) else _digits(value) for value in row]
 
 
 def _digits(value):
-    """Three digits, but all of a whole number's."""
+    """Three digits, but all of a whole number's; nothing for NaN."""
+    if np.isnan(value):
+        return ""
     return f"{value:.0f}" if abs(value) >= 100 or value == round(value) else f"{value:.3g}"
 
 
 def to_text(report):
     """All tables for a terminal."""
+    names = Report.__dataclass_fields__
     with pd.option_context("display.width", 250, "display.max_columns", 30, "display.max_rows", 500):
-        parts = [getattr(report, name).round(3).to_string(index=False, na_rep="") for name in Report.__dataclass_fields__]
-    machine = json.dumps({"python": platform.python_version(), "opencv": cv2.__version__, "numpy": np.__version__})
-    return "\n\n".join([machine, *parts, f"{(report.targets['met'] == 'yes').sum()} of {len(report.targets)} aims met."])
+        parts = [getattr(report, name).round(3).to_string(index=False, na_rep="") for name in names]
+    machine = {"python": platform.python_version(), "opencv": cv2.__version__, "numpy": np.__version__}
+    met = f"{(report.targets['met'] == 'yes').sum()} of {len(report.targets)} aims met."
+    return "\n\n".join([json.dumps(machine), *parts, met])

@@ -1,4 +1,4 @@
-"""Circle detectors side by side: ours and those that people use, each as one function of a picture and a range of radii.
+"""Circle detectors side by side, ours and those that people use: a picture and a range of radii in, circles out.
 
 The peers' settings are documented in `METHODS` and are the same for every picture.  They were chosen on frames of
 their own (other poses than the benchmark's), first for the share of pegs found, then for few false circles, then
@@ -7,6 +7,7 @@ installs them.  opencv-contrib cannot live in one environment with OpenCV, so it
 its own, which measures its own time.
 """
 
+import atexit
 import functools
 import importlib.util
 import json
@@ -186,6 +187,11 @@ class _Server:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
         )
+        atexit.register(self.close)
+
+    def close(self):
+        """End the process: its pipe is closed."""
+        self.process.communicate()
 
     def ask(self, image, radius_range):
         """Return `Found` and seconds of processor time."""
@@ -249,9 +255,9 @@ METHODS = {
     method.name: method
     for method in (
         Method(OURS, _find_and_fit, "segment, find_circles in its boxes, fit_discs; defaults", **_OUR_PACKAGE),
-        Method("find_circles two-stage", _TWO_STAGE, "whole picture; defaults", 0.25, **_OUR_PACKAGE),
-        Method("find_circles phase-code", _PHASE_CODE, "whole picture; defaults", 0.25, **_OUR_PACKAGE),
-        Method("find_circles accumulator", _ACCUMULATOR, "whole picture; defaults", 0.05, **_OUR_PACKAGE),
+        Method("find_circles two-stage", _TWO_STAGE, "whole picture; defaults", 0.1, **_OUR_PACKAGE),
+        Method("find_circles phase-code", _PHASE_CODE, "whole picture; defaults", 0.1, **_OUR_PACKAGE),
+        Method("find_circles accumulator", _ACCUMULATOR, "whole picture; defaults", 0.04, **_OUR_PACKAGE),
         Method(REFERENCE, _hough_gradient, "dp 1.5, param1 200, param2 40, minDist r_min"),
         Method(
             "HoughCircles GRADIENT, smoothed",
@@ -267,7 +273,7 @@ METHODS = {
             "skimage hough_circle",
             _skimage_hough,
             "canny sigma 3, whole radii, peaks above 0.3, r_min apart",
-            0.05,
+            0.04,
             "skimage",
             "scikit-image",
         ),
@@ -277,7 +283,9 @@ METHODS = {
             "default levels, area of the radius range, circularity > 0.4, inertia > 0.6, r_min apart",
         ),
         Method(
-            "contours + fitEllipse", _contour_ellipses, "Gaussian 1 px, Otsu, outline > pi r_min, axes' ratio > 0.8"
+            "contours + fitEllipse",
+            _contour_ellipses,
+            "Gaussian 1 px, Otsu, outline > pi r_min, axes' ratio > 0.8",
         ),
         Method(
             "EdgeDrawing",

@@ -22,6 +22,21 @@ COLORS = {
     "measured": "#56B4E9",
 }
 
+# Colour, marker and line of each circle detector: one colour for a family, ours full and thick.
+DETECTORS = {
+    "ours": ("#009E73", "o", "-"),
+    "find_circles two-stage": ("#009E73", "s", ":"),
+    "find_circles phase-code": ("#009E73", "^", ":"),
+    "find_circles accumulator": ("#009E73", "v", ":"),
+    "HoughCircles GRADIENT": ("#0072B2", "s", "--"),
+    "HoughCircles GRADIENT, smoothed": ("#0072B2", "^", "--"),
+    "HoughCircles GRADIENT_ALT": ("#0072B2", "v", "--"),
+    "skimage hough_circle": ("#E69F00", "D", "--"),
+    "SimpleBlobDetector": ("#56B4E9", "P", "--"),
+    "contours + fitEllipse": ("#CC79A7", "X", "--"),
+    "EdgeDrawing": ("#D55E00", "*", "--"),
+}
+
 STYLE = {
     "figure.dpi": 100,
     "figure.constrained_layout.use": True,
@@ -279,3 +294,18 @@ def plot_block_means(ax, table, *, color=COLORS["paper"], label="paper"):
         fmt="s", color=color, markersize=5, capsize=3, label=label,
     )
     ax.set(xlabel="frame", ylabel="error of the radius (mm)")
+
+
+def plot_errors_over_noise(ax, noises, ratios, *, quantity="centre"):
+    """Error over the bound against noise, a line for each detector of `ratios`, with the bound itself at 1.
+
+    `ratios` maps names of `DETECTORS` to as many numbers as there are `noises`; NaN where a detector found nothing.
+    """
+    for method, values in ratios.items():
+        color, marker, line = DETECTORS[method]
+        width = 2.5 if line == "-" else 1.2
+        ax.loglog(noises, values, color=color, marker=marker, linestyle=line, linewidth=width, markersize=5, label=method)
+    ax.axhline(1, color=COLORS["paper"], linewidth=1, label="bound")
+    ax.set(xlabel="noise (grey values)", ylabel=f"{quantity} error / bound")
+    ax.set_xticks(noises, [f"{noise:g}" for noise in noises])
+    ax.minorticks_off()

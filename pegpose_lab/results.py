@@ -132,12 +132,12 @@ def _with_block(path, name, text):
     before = Path(path).read_text(encoding="utf-8")
     begin, end = before.find(begin_mark), before.find(end_mark)
     if before.count(begin_mark) != 1 or before.count(end_mark) != 1 or end < begin:
-        raise ValueError(f"path {path} has no single pair of lines {begin_mark} and {end_mark} to put the table between")
-    return before, before[:begin] + "\n".join([begin_mark, text, end_mark]) + before[end + len(end_mark) :]
+        raise ValueError(f"path {path} has no single pair of lines {begin_mark} and {end_mark} for the table")
+    return before, f"{before[:begin]}{begin_mark}\n{text}\n{before[end:]}"
 
 
 def markdown(rows, alignment):
-    """Return a Markdown table; the first of `rows` is the head, `alignment` a string with l or r for each column."""
+    """Return a Markdown table; the first of `rows` is the head, `alignment` has an l or r for each column."""
     rules = [{"l": "---", "r": "---:"}[letter] for letter in alignment]
-    first, *more = rows
-    return "\n".join("| " + " | ".join(str(cell).replace("|", r"\|") for cell in row) + " |" for row in [first, rules, *more])
+    first, *more = ([str(cell).replace("|", r"\|") for cell in row] for row in rows)
+    return "\n".join("| " + " | ".join(row) + " |" for row in [first, rules, *more])

@@ -343,3 +343,16 @@ def test_block_means(axes):
     across, along = (np.array(bars.get_segments()) for bars in container.lines[2])
     assert_allclose(across[:, 1, 0] - across[:, 0, 0], [9, 24])
     assert_allclose(along[:, 1, 1] - along[:, 0, 1], [0.8 / np.sqrt(10), 0.2])
+
+
+def test_errors_over_noise_stand_beside_the_bound(axes):
+    ratios = {"ours": [1.0, 1.1, np.nan], "EdgeDrawing": [4.0, 3.0, 2.0]}
+    plotting.plot_errors_over_noise(axes, [1, 2, 5], ratios, quantity="radius")
+    ours, other, bound = axes.lines
+    assert_allclose(ours.get_xydata(), np.column_stack([[1, 2, 5], ratios["ours"]]))
+    assert_allclose(other.get_ydata(), ratios["EdgeDrawing"])
+    assert_allclose(bound.get_ydata(), 1)
+    assert (ours.get_color(), ours.get_marker()) == plotting.DETECTORS["ours"][:2]
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["1", "2", "5"]
+    assert axes.get_ylabel() == "radius error / bound"
