@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
-from .checks import as_number, as_points
+from .checks import as_number, as_points, as_pose
 
 
 def max_undistorted_radius(kappa1):
@@ -80,7 +79,7 @@ class _Camera:
             If a point lies behind the camera (z <= 0), or so far outside that the distortion gives it
             no image.
         """
-        points = _as_pose(cam_from_object).apply(as_points(object_points, 3, "object_points"))
+        points = as_pose(cam_from_object, "cam_from_object").apply(as_points(object_points, 3, "object_points"))
         behind = np.count_nonzero(points[:, 2] <= 0)
         if behind:
             raise ValueError(
@@ -112,7 +111,7 @@ class _Camera:
         """
         z = as_number(z, "z")
         rays = self.rays(image_points)
-        object_from_cam = _as_pose(cam_from_object).inv()
+        object_from_cam = as_pose(cam_from_object, "cam_from_object").inv()
         origin = object_from_cam.translation
         directions = object_from_cam.rotation.apply(rays)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -322,12 +321,6 @@ def _solve_2x2(matrices, vectors):
     determinant = a * d - b * c
     safe = np.where(determinant == 0, np.inf, determinant)
     return np.column_stack([(d * x - b * y) / safe, (a * y - c * x) / safe])
-
-
-def _as_pose(pose):
-    if not isinstance(pose, RigidTransform) or not pose.single:
-        raise ValueError(f"cam_from_object is {type(pose).__name__}; expected one scipy RigidTransform")
-    return pose
 
 
 def _as_pair(pair, name, minimum=-np.inf):

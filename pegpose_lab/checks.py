@@ -1,6 +1,7 @@
 """What every public function demands of its input, and the package's errors."""
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
 
 class DetectionError(RuntimeError):
@@ -81,3 +82,16 @@ def as_number(value, name, minimum=-np.inf, maximum=np.inf, *, exclusive=False):
     if not (np.isfinite(number) and inside):
         raise ValueError(f"{name} is {number:g}; expected a finite number between {minimum:g} and {maximum:g}")
     return number
+
+
+def as_pose(pose, name):
+    """Return `pose` if it is one `RigidTransform`.
+
+    Raises
+    ------
+    ValueError
+        If it is not.
+    """
+    if not isinstance(pose, RigidTransform) or not pose.single:
+        raise ValueError(f"{name} is {type(pose).__name__}; expected one scipy RigidTransform")
+    return pose

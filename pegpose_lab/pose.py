@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .checks import CalibrationError, as_number, as_points
+from .checks import CalibrationError, as_number, as_points, as_pose
 
 _RIM_POINTS = 32  # sums over a smooth closed curve converge exponentially: this many reach rounding errors
 _POLISH_ROUNDS = 5
@@ -380,8 +380,8 @@ def robot_from_end_effector(robot_from_cam, cam_from_hub, hub_from_end_effector)
 
     .. math:: {}^R T_E = {}^R T_C \, {}^C T_P \, {}^P T_E
     """
-    robot_from_hub = _as_transform(robot_from_cam, "robot_from_cam") * _as_transform(cam_from_hub, "cam_from_hub")
-    return robot_from_hub * _as_transform(hub_from_end_effector, "hub_from_end_effector")
+    robot_from_hub = as_pose(robot_from_cam, "robot_from_cam") * as_pose(cam_from_hub, "cam_from_hub")
+    return robot_from_hub * as_pose(hub_from_end_effector, "hub_from_end_effector")
 
 
 def hub_from_end_effector(cam_from_hub, cam_from_end_effector):
@@ -389,8 +389,8 @@ def hub_from_end_effector(cam_from_hub, cam_from_end_effector):
 
     .. math:: {}^P T_E = [{}^C T_P]^{-1} \, {}^C T_E
     """
-    cam_from_hub = _as_transform(cam_from_hub, "cam_from_hub")
-    return cam_from_hub.inv() * _as_transform(cam_from_end_effector, "cam_from_end_effector")
+    cam_from_hub = as_pose(cam_from_hub, "cam_from_hub")
+    return cam_from_hub.inv() * as_pose(cam_from_end_effector, "cam_from_end_effector")
 
 
 @dataclass(frozen=True)
@@ -454,14 +454,8 @@ def _as_radii(radii, count, name):
     return array
 
 
-def _as_transform(pose, name):
-    if not isinstance(pose, RigidTransform) or not pose.single:
-        raise ValueError(f"{name} is {type(pose).__name__}; expected one scipy RigidTransform")
-    return pose
-
-
 def _as_plane(plane):
     """Return `plane` if its z axis points away from the camera."""
-    if _as_transform(plane, "plane").inv().translation[2] >= 0:
+    if as_pose(plane, "plane").inv().translation[2] >= 0:
         raise ValueError("plane is seen from below: its z axis has to point away from the camera")
     return plane
