@@ -12,7 +12,13 @@ import numpy as np
 
 from .checks import as_image, as_number, as_points
 
-METHODS = ("two-stage", "phase-code", "accumulator")
+METHODS = ("multiscale", "two-stage", "phase-code", "accumulator")
+OCTAVE = 6.0  # px, smallest radius that is searched on a reduced picture; the largest is twice that
+NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of the noise, and at all
+LEAST_VOTES, LEAST_QUALITY = 0.25, 0.8  # of a candidate
+ALIGNED = 0.8  # cosine of the largest angle between an edge's gradient and the direction of the centre
+BAND = 0.2  # part of the radius by which an ellipse's edge may depart from a circle
+SECTORS = 24
 RADIUS_STEP = 0.5  # px between the radii of the votes along the gradient
 SMOOTHING = 2.0  # px, sigma of the Gaussian over the 2-D accumulator
 CHUNK = 500_000  # votes held in memory at a time
@@ -46,7 +52,7 @@ def find_circles(
     image,
     radius_range,
     *,
-    method="two-stage",
+    method="multiscale",
     polarity="bright",
     sensitivity=0.85,
     edge_threshold=None,
@@ -273,6 +279,8 @@ def _draw_circles(edges, radius):
 
 def _find(window, request):
     """Rows x, y, r, score of the circles in one window."""
+    if request.method == "multiscale":
+        return _find_multiscale(window, request)
     gradient = _Gradient(window)
     if not gradient.magnitude.any():
         return np.empty((0, 4))
@@ -355,6 +363,192 @@ def _radius_by_histogram(_votes, gradient, x, y, request):
     return float(low + mean.argmax()) if len(mean) else 0.5 * (request.r_min + request.r_max)
 
 
+# ----------------------------------------------------------------------------------------------- multiscale
+
+
+def _find_multiscale(image, request):
+    """Rows x, y, r, score: each octave of radii is searched on a picture of its own (see `find_circles`)."""
+    reduction, rows = 1, [np.empty((0, 4))]
+    largest = min(request.r_max, min(image.shape))  # larger circles show less than half of their edge
+    while True:
+        low, high = request.r_min / reduction, largest / reduction
+        if low < 2 * OCTAVE:
+            low = max(low, OCTAVE if reduction > 1 else 0)
+            found = _find_octave(image, (low, min(high, 2 * OCTAVE)), request) if low <= high else rows[0]
+            rows.append(found * [reduction, reduction, reduction, 1] + 0.5 * (reduction - 1) * _IS_PLACE)
+        if high <= 2 * OCTAVE:
+            return np.concatenate(rows)
+        image, reduction = _halved(image), 2 * reduction
+
+
+_IS_PLACE = np.array([1, 1, 0, 0])
+
+
+def _halved(image):
+    """The picture at half the size, each pixel the mean of four."""
+    height, width = image.shape[0] // 2, image.shape[1] // 2
+    return cv2.resize(image[: 2 * height, : 2 * width], (width, height), interpolation=cv2.INTER_AREA)
+
+
+def _find_octave(image, radii, request):
+    """Rows x, y, r, score of the circles with `radii` (smallest, largest), at most an octave."""
+    edges = _EdgePoints.of(image, request)
+    if len(edges.x) == 0:
+        return np.empty((0, 4))
+    peaks = _octave_peaks(edges, radii, image.shape)
+    if len(peaks) == 0:
+        return np.empty((0, 4))
+    near = _edges_near(edges, peaks, radii[1] * (1 + BAND) + 2)
+    return _fit_outlines(near, *_best_radii(near, radii), request)
+
+
+@dataclass(frozen=True)
+class _EdgePoints:
+    """Thin edge points: x, y (n,) px, and unit vectors (n,) towards the inside of a disc."""
+
+    mask: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    ux: np.ndarray
+    uy: np.ndarray
+
+    @classmethod
+    def of(cls, image, request):
+        """Canny's edge points, above a threshold that noise does not reach."""
+        dx = cv2.Sobel(image, cv2.CV_16S, 1, 0, borderType=cv2.BORDER_REPLICATE)
+        dy = cv2.Sobel(image, cv2.CV_16S, 0, 1, borderType=cv2.BORDER_REPLICATE)
+        threshold = _noise_threshold(dx, dy, request)
+        mask = cv2.Canny(dx, dy, threshold, threshold, L2gradient=True)
+        points = cv2.findNonZero(mask)
+        x, y = np.empty((2, 0), np.intp) if points is None else points.reshape(-1, 2).T.astype(np.intp)
+        ux, uy = dx[y, x].astype(np.float32), dy[y, x].astype(np.float32)
+        length = np.float32(request.sign) * np.maximum(np.sqrt(ux * ux + uy * uy), 1)
+        return cls(mask, x, y, ux / length, uy / length)
+
+
+def _noise_threshold(dx, dy, request):
+    """Gradient of an edge: NOISE_FACTOR times the noise's (by the median), at least LEAST_GRADIENT."""
+    if request.edge_threshold is not None:
+        return request.edge_threshold * float(np.hypot(dx.astype(np.float32), dy).max())
+    counts = cv2.calcHist([cv2.convertScaleAbs(dx[::4])], [0], None, [256], [0, 256]).ravel()
+    median = int(np.searchsorted(np.cumsum(counts), counts.sum() / 2))
+    return max(NOISE_FACTOR * 1.48 * (median + 0.5), LEAST_GRADIENT)
+
+
+def _octave_peaks(edges, radii, shape):
+    """Cells of 2 x 2 px where votes along the gradient meet: their centres (n, 2), px."""
+    height, width = shape[0] // 2 + 1, shape[1] // 2 + 1
+    distances = np.arange(radii[0], radii[1] + 0.49, 0.5, dtype=np.float32)[:, None]
+    columns = ((edges.x + 0.5 + distances * edges.ux) * 0.5).astype(np.int32)
+    rows = ((edges.y + 0.5 + distances * edges.uy) * 0.5).astype(np.int32)
+    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    weights = np.broadcast_to(1 / (2 * np.pi * distances), inside.shape)
+    votes = np.bincount((rows * width + columns)[inside], weights[inside], height * width)
+    votes = cv2.GaussianBlur(votes.reshape(height, width).astype(np.float32), (3, 3), 0)
+    highest = cv2.dilate(votes, np.ones((3, 3), np.uint8))
+    peaks = cv2.findNonZero(cv2.compare(votes, highest, cv2.CMP_EQ) & cv2.compare(votes, LEAST_VOTES, cv2.CMP_GT))
+    if peaks is None:
+        return np.empty((0, 2))
+    return np.minimum(2.0 * peaks.reshape(-1, 2) + 0.5, [shape[1] - 1, shape[0] - 1])
+
+
+@dataclass(frozen=True)
+class _Near:
+    """Edge points around peaks: index of the peak, place relative to it, distance; peaks (n, 2)."""
+
+    peaks: np.ndarray
+    index: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    distance: np.ndarray
+
+
+def _edges_near(edges, peaks, reach):
+    """The edge points within `reach` of each peak whose gradient points to it within ALIGNED."""
+    size = int(reach) + 2
+    number = np.full((edges.mask.shape[0] + 2 * size, edges.mask.shape[1] + 2 * size), -1, np.int32)
+    number[edges.y + size, edges.x + size] = np.arange(len(edges.x))
+    corners = peaks.astype(int)
+    patches = np.lib.stride_tricks.sliding_window_view(number, (2 * size + 1, 2 * size + 1))
+    patches = patches[corners[:, 1], corners[:, 0]].reshape(len(peaks), -1)
+    index, place = np.nonzero(patches >= 0)
+    point = patches[index, place]
+    x, y = edges.x[point] - peaks[index, 0], edges.y[point] - peaks[index, 1]
+    distance = np.sqrt(x * x + y * y)
+    keep = (x * edges.ux[point] + y * edges.uy[point] < -ALIGNED * distance) & (distance <= reach)
+    return _Near(peaks, index[keep], x[keep], y[keep], distance[keep])
+
+
+def _best_radii(near, radii):
+    """Peaks and radii at which the edge around a peak is most complete: two arrays (m,)."""
+    n_bins = int(2 * radii[1] * (1 + BAND)) + 6
+    sector = _sector(near.x, near.y)
+    cells = (near.index * n_bins + (2 * near.distance + 0.5).astype(int).clip(0, n_bins - 1)) * SECTORS + sector
+    counts = np.bincount(cells, minlength=len(near.peaks) * n_bins * SECTORS)
+    below = np.zeros((len(near.peaks), n_bins + 1, SECTORS), int)
+    np.cumsum(counts.reshape(-1, n_bins, SECTORS), axis=1, out=below[:, 1:])
+    tried = np.arange(max(int(2 * radii[0]), 1), int(np.ceil(2 * radii[1])) + 1)
+    quality = np.zeros((len(near.peaks), len(tried)), np.float32)
+    for band in (0.5 * BAND, BAND):
+        half = np.maximum(np.rint(band * tried).astype(int), 1)
+        low, high = np.maximum(tried - half, 0), np.minimum(tried + half + 1, n_bins)
+        quality += ((below[:, high] - below[:, low]) > 0).mean(axis=2, dtype=np.float32)
+    highest = cv2.dilate(quality, np.ones((1, 5), np.uint8)) if quality.size else quality
+    peak, radius = np.nonzero((quality == highest) & (quality > LEAST_QUALITY))
+    return peak, tried[radius] / 2
+
+
+def _sector(x, y):
+    """Number of the angular sector of points around the origin."""
+    return ((np.arctan2(y, x) / (2 * np.pi) + 0.5) * SECTORS).astype(int).clip(0, SECTORS - 1)
+
+
+def _fit_outlines(near, peak, radius, request):
+    """Rows x, y, r, score of ellipses through the edge points around each candidate.
+
+    To first order an ellipse is distance(t) = r + x cos t + y sin t + p cos 2t + q sin 2t.  The score is the part
+    of the sectors that have an edge point within 10 % of the radius (at least 1 px) of it.
+    """
+    candidate, point = _points_of(near, peak)
+    distance, wanted = near.distance[point], radius[candidate]
+    cos, sin = near.x[point] / np.maximum(distance, 1e-6), near.y[point] / np.maximum(distance, 1e-6)
+    design = np.stack([np.ones_like(cos), cos, sin, cos * cos - sin * sin, 2 * cos * sin], axis=1)
+    solution = np.zeros((len(peak), 5))
+    solution[:, 0] = radius
+    for tolerance in (BAND, 0.6 * BAND):
+        residual = distance - np.einsum("ij,ij->i", design, solution[candidate])
+        solution += _solve_outlines(design, residual, np.abs(residual) <= np.maximum(tolerance * wanted, 1), candidate)
+    residual = np.abs(distance - np.einsum("ij,ij->i", design, solution[candidate]))
+    on_edge = residual <= np.maximum(0.1 * wanted, 1)
+    sectors = candidate[on_edge] * SECTORS + _sector(cos[on_edge], sin[on_edge])
+    score = (np.bincount(sectors, minlength=len(peak) * SECTORS).reshape(-1, SECTORS) > 0).mean(axis=1)
+    rows = np.column_stack([near.peaks[peak] + solution[:, 1:3], solution[:, 0], score])
+    shift, shape = np.hypot(*solution[:, 1:3].T), np.hypot(*solution[:, 3:].T)
+    good = (shift < 0.5 * radius + 2) & (shape < 0.3 * radius) & (np.abs(rows[:, 2] - radius) < BAND * radius + 1)
+    return rows[good & (score >= 1 - request.sensitivity / 2)]
+
+
+def _points_of(near, peak):
+    """For each candidate the edge points around its peak: pairs of indices (m,), (m,)."""
+    starts = np.searchsorted(near.index, np.arange(len(near.peaks) + 1))
+    counts = np.diff(starts)[peak]
+    candidate = np.repeat(np.arange(len(peak)), counts)
+    first = np.repeat(starts[peak] - np.cumsum(counts) + counts, counts)
+    return candidate, first + np.arange(len(candidate))
+
+
+def _solve_outlines(design, residual, used, candidate):
+    """Least-squares steps (n, 5) from the used points; the shape is held back where there are few points."""
+    n = candidate[-1] + 1 if len(candidate) else 0
+    products = np.einsum("ij,ik->ijk", design[used], np.column_stack([design[used], residual[used]]))
+    sums = np.zeros((n, 30))
+    starts = np.searchsorted(candidate[used], np.arange(n))
+    sums = np.vstack([np.zeros(30), np.cumsum(products.reshape(-1, 30), axis=0)])
+    ends = np.append(starts[1:], len(products)).astype(int)
+    normal = (sums[ends] - sums[starts]).reshape(n, 5, 6)
+    return np.linalg.solve(normal[:, :, :5] + np.diag([1e-3, 0.5, 0.5, 1.0, 1.0]), normal[:, :, 5:])[:, :, 0]
+
+
 # ---------------------------------------------------------------------------------------------------- volume
 
 
@@ -422,6 +616,19 @@ def _as_circles(rows, shape, request, max_circles):
         if max_circles is not None and len(kept) == max_circles:
             break
         apart = np.hypot(*(centers[kept] - centers[i]).T) + np.abs(radii[kept] - radii[i])
-        if not (apart < np.maximum(3.0, 0.15 * np.minimum(radii[kept], radii[i]))).any():
-            kept.append(i)
+        if (apart < np.maximum(3.0, 0.15 * np.minimum(radii[kept], radii[i]))).any():
+            continue
+        if request.method == "multiscale":
+            explained = _shared_edge(centers[i], radii[i], centers[kept], radii[kept])
+            if rows[i, 3] - explained < 1 - request.sensitivity / 2:
+                continue
+        kept.append(i)
     return Circles(centers[kept], radii[kept], rows[kept, 3])
+
+
+def _shared_edge(center, radius, centers, radii):
+    """The part of a circle that runs along better ones."""
+    t = (np.arange(SECTORS) + 0.5) * (2 * np.pi / SECTORS)
+    points = center + radius * np.column_stack([np.cos(t), np.sin(t)])
+    distance = np.abs(np.hypot(*(points[:, None] - centers).transpose(2, 0, 1)) - radii)
+    return (distance < np.maximum(2.0, BAND * np.minimum(radius, radii))).any(axis=1).mean()
