@@ -16,7 +16,7 @@ levels.  The shape is a symmetric traceless matrix m (cos 2 angle, sin 2 angle; 
 with semi-axes r exp(+-m): unlike axes and angle it is regular for a perfect circle.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -27,10 +27,12 @@ from .checks import as_image, as_number, as_points
 
 RING = 6.0  # px on either side of the edge that take part in the fit
 QUANTISATION = 1 / 12  # variance of rounding to whole grey values
-N_RAYS = 96
+N_RAYS, RAY_POINTS = 64, 49
+GROUP = 250  # sum of the radii (px) of the discs that are fitted together
 MAX_STEPS = 30
 STEP_TOLERANCE = 1e-3
-REFIT_CHI2 = 1.15  # residual chi2 of the simple model above which the levels are set free
+SMALL_STEP = 0.05  # px
+REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, at which levels are set free
 MIN_VISIBLE = 0.4  # least part of the edge that has to fit
 MAX_REFITS = 3
 
@@ -82,13 +84,13 @@ class Discs:
 
 @dataclass
 class _Ellipse:
-    """Centre, radius of equal area, and the shape as m and the angle of the major axis."""
+    """Centre, radius of equal area, shape m and angle of the major axis: numbers, or arrays (n,) for n ellipses."""
 
-    x: float
-    y: float
-    r: float
-    m: float = 0.0
-    angle: float = 0.0
+    x: np.ndarray
+    y: np.ndarray
+    r: np.ndarray
+    m: np.ndarray = 0.0
+    angle: np.ndarray = 0.0
 
     @property
     def axes(self):
@@ -101,17 +103,27 @@ class _Ellipse:
         return np.hypot(a * cos, b * sin), np.hypot(a * sin, b * cos)
 
     def moved(self, dx, dy, dr, dp, dq):
-        """The ellipse after a step; (dp, dq) is the change of shape in the ellipse's own axes."""
-        cos, sin = np.cos(self.angle), np.sin(self.angle)
-        root = np.diag(np.exp([-self.m, self.m])) @ np.array([[cos, sin], [-sin, cos]])
+        """The ellipse after a step; (dp, dq) is the change of shape in the ellipse's own axes.
+
+        The shape's matrix S^T S, S = diag(e^-m, e^m) R^T, becomes S^T exp(-2 [dp dq; dq -dp]) S.
+        """
         size = np.hypot(dp, dq)
-        change = np.cosh(2 * size) * np.eye(2)
-        if size > 0:
-            change -= np.sinh(2 * size) / size * np.array([[dp, dq], [dq, -dp]])
-        form = root.T @ change @ root
-        split = np.hypot(form[1, 1] - form[0, 0], 2 * form[0, 1])
-        angle = 0.5 * np.arctan2(-2 * form[0, 1], form[1, 1] - form[0, 0]) if split > 0 else 0.0
-        return _Ellipse(self.x + dx, self.y + dy, self.r + dr, 0.5 * np.arcsinh(split / 2), angle)
+        even, odd = np.cosh(2 * size), np.where(size > 0, np.sinh(2 * size) / np.where(size > 0, size, 1), 2)
+        shrink, grow = np.exp(-2 * self.m), np.exp(2 * self.m)
+        along, across, mixed = shrink * (even - odd * dp), grow * (even + odd * dp), -odd * dq
+        cos, sin = np.cos(2 * self.angle), np.sin(2 * self.angle)
+        split = 0.5 * (across - along)  # of the form's eigenvalues, in the old axes
+        c, s = split * cos + mixed * sin, split * sin - mixed * cos
+        return _Ellipse(
+            self.x + dx, self.y + dy, self.r + dr, 0.5 * np.arcsinh(np.hypot(c, s)), 0.5 * np.arctan2(s, c)
+        )
+
+    def __getitem__(self, i):
+        return _Ellipse(self.x[i], self.y[i], self.r[i], self.m[i], self.angle[i])
+
+    def __setitem__(self, i, other):
+        for name in ("x", "y", "r", "m", "angle"):
+            getattr(self, name)[i] = getattr(other, name)
 
 
 def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
@@ -152,8 +164,22 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     """
     image = as_image(image)
     limits = as_number(max_chi2, "max_chi2", 0.0), as_number(max_misfit, "max_misfit", 0.0)
-    starts = _as_circles(circles)
-    return _collect([_fit_one(image, start, *limits) for start in starts])
+    rows = _as_circles(circles)
+    circles = _Ellipse(*rows.T.copy(), np.zeros(len(rows)), np.zeros(len(rows)))
+    fits = [None] * len(rows)
+    usable = (rows[:, 2] >= 2) & _inside(circles, image.shape)
+    for i in np.flatnonzero(~usable):
+        fits[i] = _Fit(circles[i], "radius too small" if rows[i, 2] < 2 else "leaves the image")
+    starts, started = _start(image, circles)
+    for i in np.flatnonzero(usable & ~started):
+        fits[i] = _Fit(circles[i], "no edge")
+    for group in _groups(np.flatnonzero(usable & started), rows[:, 2]):
+        solution, reasons = _settle(image, starts[group])
+        for k, i in enumerate(group):
+            fits[i] = (
+                _Fit(circles[i], reasons[k]) if reasons[k] else _judge(image, solution, k, starts[i], *limits)
+            )
+    return _collect(fits)
 
 
 def _as_circles(circles):
@@ -182,124 +208,183 @@ class _Fit:
     noise: float = np.sqrt(QUANTISATION)
 
 
-def _fit_one(image, start, max_chi2, max_misfit):
-    """Fit one disc: start, least squares (the ring follows the ellipse), then the judgement."""
-    circle = _Ellipse(*start)
-    if start[2] < 2:
-        return _Fit(circle, "radius too small")
-    if not _inside(circle, image.shape):
-        return _Fit(circle, "leaves the image")
-    ellipse = _start(image, circle)
-    if ellipse is None:
-        return _Fit(circle, "no edge")
-    solution = _settle(image, ellipse)
-    if isinstance(solution, str):
-        return _Fit(circle, solution)
-    return _judge(image, solution, ellipse, max_chi2, max_misfit)
+def _groups(indices, radii):
+    """Arrays of indices of discs that are fitted together: of about one size, and some thousand pixels in all."""
+    indices = indices[np.argsort(radii[indices], kind="stable")]
+    groups, first = [], 0
+    for i in range(1, len(indices) + 1):
+        smallest = radii[indices[first]]
+        if i == len(indices) or radii[indices[i]] > 1.2 * smallest + 2 or (i - first) * smallest > GROUP:
+            groups.append(indices[first:i])
+            first = i
+    return groups if len(indices) else []
 
 
 def _inside(ellipse, shape):
     """Whether the whole ellipse lies on the picture."""
     width, height = ellipse.half_size
-    return width <= ellipse.x <= shape[1] - 1 - width and height <= ellipse.y <= shape[0] - 1 - height
+    return (
+        (width <= ellipse.x)
+        & (ellipse.x <= shape[1] - 1 - width)
+        & (height <= ellipse.y)
+        & (ellipse.y <= shape[0] - 1 - height)
+    )
 
 
-def _start(image, circle):
-    """An ellipse through the strongest steps along rays from the centre, outliers weighed down.
+def _start(image, circles):
+    """Ellipses through the strongest steps along rays from the centres, outliers weighed down, and which are good.
 
     The directed step is looked for within 25 % of the radius (at least 4 px).  To first order in the
     departure from the circle, radius(t) = r + x cos t + y sin t + r p cos 2t + r q sin 2t.
     """
-    reach = max(4.0, 0.25 * circle.r)
-    t = np.arange(N_RAYS) * (2 * np.pi / N_RAYS)
-    rho = np.arange(max(circle.r - reach, 0.5), circle.r + reach, 0.5)
-    x = (circle.x + np.cos(t)[:, None] * rho).astype(np.float32)
-    y = (circle.y + np.sin(t)[:, None] * rho).astype(np.float32)
-    rays = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float32)
-    steps = cv2.sepFilter2D(rays, -1, _STEP, np.ones(1, np.float32), borderType=cv2.BORDER_REPLICATE)
-    profile = steps.mean(axis=0)
-    steps *= np.sign(profile[np.abs(profile).argmax()])
-    found = rho[steps.argmax(axis=1)]
-    design = np.stack([np.ones_like(t), np.cos(t), np.sin(t), np.cos(2 * t), np.sin(2 * t)], axis=1)
-    r, dx, dy, p, q = _robust_solve(design, found, np.maximum(steps.max(axis=1), 0))
-    if not r > 1 or np.hypot(p, q) > 0.5 * r or np.hypot(dx, dy) > 2 * reach:
-        return None
-    return _Ellipse(circle.x, circle.y, r).moved(dx, dy, 0, p / r, q / r)
+    n, reach = len(circles.r), np.maximum(4.0, 0.25 * circles.r)
+    low = np.maximum(circles.r - reach, 0.5)
+    rho = low[:, None] + (circles.r + reach - low)[:, None] * np.linspace(0, 1, RAY_POINTS)
+    x = (circles.x[:, None, None] + _RAYS[:, 1, None] * rho[:, None]).reshape(-1, RAY_POINTS)
+    y = (circles.y[:, None, None] + _RAYS[:, 2, None] * rho[:, None]).reshape(-1, RAY_POINTS)
+    rays = cv2.remap(
+        image, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    steps = cv2.sepFilter2D(rays, cv2.CV_32F, _STEP, np.ones(1, np.float32), borderType=cv2.BORDER_REPLICATE)
+    steps = steps.reshape(n, len(_RAYS), RAY_POINTS)
+    profile = steps.mean(axis=1)
+    steps *= np.sign(np.take_along_axis(profile, np.abs(profile).argmax(axis=1)[:, None], axis=1))[:, None]
+    best = steps.argmax(axis=2)
+    weights = np.maximum(np.take_along_axis(steps, best[:, :, None], axis=2)[:, :, 0], 0).astype(float)
+    r, dx, dy, p, q = _robust_solve(_RAYS, np.take_along_axis(rho, best, axis=1), weights).T
+    good = (r > 1) & (np.hypot(p, q) <= 0.5 * r) & (np.hypot(dx, dy) <= 2 * reach)
+    safe = np.where(good, r, circles.r)
+    shape = [np.where(good, step, 0) for step in (dx, dy, p / safe, q / safe)]
+    return _Ellipse(circles.x, circles.y, safe, circles.m, circles.angle).moved(*shape[:2], 0, *shape[2:]), good
 
 
-_STEP = np.array([1, 1, 1, 0, -1, -1, -1], np.float32)  # inside minus outside, 1.5 px each
+_STEP = np.array([1, 1, 1, 0, -1, -1, -1], np.float32)  # inside minus outside
+_TURN = np.arange(N_RAYS) * (2 * np.pi / N_RAYS)
+_RAYS = np.stack(
+    [np.ones(N_RAYS), np.cos(_TURN), np.sin(_TURN), np.cos(2 * _TURN), np.sin(2 * _TURN)], axis=1
+)
 
 
 def _robust_solve(design, values, weights):
-    """Least squares with Cauchy weights that start from the median, whose scale follows the residuals."""
-    residuals = values - np.median(values)
+    """Least squares of n rows with Cauchy weights that start from the median; the scale follows the residuals."""
+    residuals = values - _median(values)
     weights = weights + 1e-6
     for _ in range(8):
-        scale = max(2 * np.median(np.abs(residuals)), 0.25)
-        w = weights / (1 + (residuals / scale) ** 2)
-        solution = np.linalg.solve(design.T @ (w[:, None] * design), design.T @ (w * values))
-        residuals = values - design @ solution
+        scale = np.maximum(2 * _median(np.abs(residuals)), 0.25)
+        w = (weights / (1 + (residuals / scale) ** 2))[:, None] * design.T
+        solution = np.linalg.solve(w @ design, w @ values[:, :, None])[:, :, 0]
+        residuals = values - solution @ design.T
     return solution
 
 
-@dataclass(frozen=True)
+def _median(rows):
+    """The upper median of each row (n, 1)."""
+    middle = rows.shape[1] // 2
+    return np.partition(rows, middle, axis=1)[:, middle : middle + 1]
+
+
+@dataclass
 class _Solution:
-    """A fit of the simple model, levels B and A; `normal` is for x, y, r, p, q, log s, B, A."""
+    """Fits of the simple model, levels B and A, a row each; `normal` is for x, y, r, p, q, log s, B, A."""
 
     ellipse: _Ellipse
-    log_s: float
+    log_s: np.ndarray
     levels: np.ndarray
     normal: np.ndarray
-    squares: float
-    count: int
-    converged: bool = True
+    squares: np.ndarray
+    count: np.ndarray
+    noise: np.ndarray
+    converged: np.ndarray
+
+    def update(self, rows, other):
+        """Take over other solutions in some rows."""
+        for name in self.__dataclass_fields__:
+            getattr(self, name)[rows] = getattr(other, name)
 
 
-def _settle(image, ellipse):
-    """Fit, and fit again on a new ring where the ellipse moved by more than a pixel."""
-    log_s = np.log(1.2)
-    for _ in range(MAX_REFITS):
-        if not _inside(ellipse, image.shape):
-            return "leaves the image"
-        x, y, values = _ring_pixels(image, ellipse)
-        solution = _least_squares(x, y, values, ellipse, log_s)
-        if isinstance(solution, str):
-            return solution
-        moved = _distance(ellipse, solution.ellipse)
-        ellipse, log_s = solution.ellipse, solution.log_s
-        if moved < 1:
-            break
-    if not _inside(ellipse, image.shape):
-        return "leaves the image"
-    return solution if moved < 1 else replace(solution, converged=False)
+def _settle(image, ellipses):
+    """Fit, and fit again on a new ring where the ellipse moved by more than a pixel.
+
+    Returns a `_Solution` with a row for each, and the reasons why there is none.
+    """
+    n = len(ellipses.r)
+    ellipse, log_s, reasons = ellipses[np.arange(n)], np.full(n, np.log(1.2)), np.full(n, "", object)
+    reasons[~_inside(ellipse, image.shape)] = "leaves the image"
+    solution = _Solution(ellipse, log_s, np.zeros((n, 2)), np.zeros((n, 8, 8)), *np.zeros((4, n)))
+    todo = np.flatnonzero(reasons == "")
+    for _ in range(MAX_REFITS if len(todo) else 0):
+        ring = _ring_pixels(image, ellipse[todo])
+        found, singular = _least_squares(ring, ellipse[todo], log_s[todo])
+        moved = _distance(ellipse[todo], found.ellipse)
+        solution.update(todo, found)
+        reasons[todo[singular]] = "no edge"
+        reasons[todo[~singular & ~_inside(found.ellipse, image.shape)]] = "leaves the image"
+        todo = todo[(moved >= 1) & (reasons[todo] == "")]
+        if len(todo) == 0:
+            return solution, reasons
+    solution.converged[todo] = False
+    return solution, reasons
 
 
 def _distance(first, second):
     """An upper bound, px, of how far the edge moved between two ellipses."""
-    change = np.abs(np.subtract(first.half_size, second.half_size)).max()
-    return np.hypot(first.x - second.x, first.y - second.y) + change + abs(first.r - second.r)
+    change = np.abs(np.subtract(first.half_size, second.half_size)).max(axis=0)
+    return np.hypot(first.x - second.x, first.y - second.y) + change + np.abs(first.r - second.r)
 
 
-def _ring(image, ellipse, margin):
-    """The patch around an ellipse, its first column and row, and each pixel's distance (positive inside)."""
-    half = np.array(ellipse.half_size) + margin + 1
-    x0, y0 = np.maximum(np.floor([ellipse.x - half[0], ellipse.y - half[1]]), 0).astype(int)
-    x1, y1 = np.ceil([ellipse.x + half[0], ellipse.y + half[1]]).astype(int) + 1
-    patch = image[y0:y1, x0:x1]
-    x = np.arange(x0, x0 + patch.shape[1]) - ellipse.x
-    y = (np.arange(y0, y0 + patch.shape[0]) - ellipse.y)[:, None]
+@dataclass
+class _Pixels:
+    """The pixels of n rings in rows, filled up where `used` is 0; x, y from `origin` (n, 2), float32."""
+
+    origin: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    values: np.ndarray
+    used: np.ndarray
+
+    def every(self, step):
+        """A part of the pixels."""
+        return _Pixels(self.origin, *(a[:, ::step].copy() for a in (self.x, self.y, self.values, self.used)))
+
+
+def _ring_pixels(image, ellipses):
+    """The pixels within about RING px of the ellipses."""
+    rings = [_ring_indices(ellipses[i], image.shape) for i in range(len(ellipses.r))]
+    origin = np.rint(np.stack([ellipses.x, ellipses.y], axis=1))
+    x, y, values, used = np.zeros((4, len(rings), max(len(ring[0]) for ring in rings)), np.float32)
+    for i, (columns, rows) in enumerate(rings):
+        m = len(columns)
+        x[i, :m], y[i, :m] = columns - origin[i, 0], rows - origin[i, 1]
+        values[i, :m], used[i, :m] = image[rows, columns], 1
+        x[i, m:] = ellipses.r[i]
+    return _Pixels(origin, x, y, values, used)
+
+
+def _ring_indices(ellipse, shape):
+    """Columns and rows of the pixels between the ellipses with semi-axes longer and shorter by RING px."""
     (a, b), cos, sin = ellipse.axes, np.cos(ellipse.angle), np.sin(ellipse.angle)
-    u, v = x * (cos / a) + y * (sin / a), y * (cos / b) - x * (sin / b)
-    norm2 = u * u + v * v
-    slope2 = (u / a) ** 2 + (v / b) ** 2
-    return patch, (x0, y0), (np.sqrt(norm2) - norm2) / np.sqrt(np.maximum(slope2, 1e-12))
+    half = np.hypot((a + RING) * sin, (b + RING) * cos)
+    rows = np.arange(max(int(np.ceil(ellipse.y - half)), 0), min(int(ellipse.y + half), shape[0] - 1) + 1)
+    (left, right), (start, end) = (
+        _spans(rows - ellipse.y, max(a + d, 0.1), max(b + d, 0.1), cos, sin) for d in (RING, -RING)
+    )
+    left = np.maximum(np.ceil(ellipse.x + left), 0).astype(np.intp)
+    right = np.minimum(np.floor(ellipse.x + right), shape[1] - 1).astype(np.intp) + 1
+    hollow = end > start
+    start = np.where(hollow, np.clip(np.ceil(ellipse.x + start), left, right), right).astype(np.intp)
+    end = np.where(hollow, np.clip(np.floor(ellipse.x + end) + 1, start, right), right).astype(np.intp)
+    first = np.concatenate([left, end])
+    counts = np.maximum(np.concatenate([start - left, right - end]), 0)
+    columns = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
+    return columns, np.repeat(np.concatenate([rows, rows]), counts)
 
 
-def _ring_pixels(image, ellipse):
-    """x, y and grey values of the pixels within RING px of the ellipse."""
-    patch, (x0, y0), distance = _ring(image, ellipse, RING)
-    rows, columns = np.nonzero(np.abs(distance) <= RING)
-    return columns + float(x0), rows + float(y0), patch[rows, columns].astype(float)
+def _spans(dy, a, b, cos, sin):
+    """Where rows at dy from the centre of an ellipse enter and leave it; both 0 where they miss it."""
+    form = (cos / a) ** 2 + (sin / b) ** 2
+    middle = -dy * cos * sin * (1 / a**2 - 1 / b**2) / form
+    root = np.sqrt(np.maximum(form - (dy / (a * b)) ** 2, 0)) / form
+    return np.where(root > 0, middle - root, 0), np.where(root > 0, middle + root, 0)
 
 
 def _geometry(x, y, ellipse):
@@ -341,45 +426,174 @@ def _model(x, y, ellipse, log_s):
     return ndtr(z), derivatives
 
 
-def _least_squares(x, y, values, ellipse, log_s):
-    """Gauss-Newton with halved steps over ellipse and log s; B and A are solved for in every step.
+def _ingredients(pixels, ellipse, log_s):
+    """Rows (n, 9, m): Phi's derivatives by x, y, r, p, q, log s, then 1, Phi and the grey values.
 
-    Ends (converged) when a step is below some hundredths of the parameters' own sigmas (STEP_TOLERANCE is its
-    squared length in sigmas), or fails to improve the fit although it is below a tenth of them.
-    Returns a `_Solution` or the reason why there is none.
+    The formulas are those of `_geometry` and `_model`, for n discs at once and in float32.
     """
-    best, step, fraction, decrement = None, np.zeros(6), 1.0, np.inf
+    column = np.stack(
+        [
+            ellipse.x - pixels.origin[:, 0],
+            ellipse.y - pixels.origin[:, 1],
+            np.exp(-ellipse.m) * np.cos(ellipse.angle),
+            np.exp(-ellipse.m) * np.sin(ellipse.angle),
+            np.exp(ellipse.m) * np.cos(ellipse.angle),
+            np.exp(ellipse.m) * np.sin(ellipse.angle),
+            ellipse.r,
+            np.exp(-log_s),
+            0.5 * np.exp(log_s) / ellipse.r,
+        ]
+    ).astype(np.float32)[:, :, None]
+    cx, cy, ux, uy, vy, vx, r, per_s, bend = column
+    rows = np.empty((len(ellipse.r), 9, pixels.x.shape[1]), np.float32)
+    dx, dy = pixels.x - cx, pixels.y - cy
+    u, v = dx * ux + dy * uy, dy * vy - dx * vx
+    uu, vv = u * u, v * v
+    norm = np.maximum(uu + vv, np.float32(1e-6))
+    inverse_norm = 1 / np.sqrt(norm)
+    norm = norm * inverse_norm
+    # the gradient of |w| is (gx, gy) / |w|; dx and dy are no longer needed
+    gx, gy = u * ux - v * vx, u * uy + v * vy
+    inverse = 1 / np.sqrt(gx * gx + gy * gy)
+    steep = inverse * norm  # 1 / |gradient of |w||
+    z = (r - norm) * (steep * per_s) - bend * steep * steep * steep
+    density = np.exp(np.float32(-0.5) * z * z) * (per_s * np.float32(1 / np.sqrt(2 * np.pi)))
+    density *= pixels.used
+    flat = density * inverse
+    np.multiply(gx, flat, out=rows[:, 0])
+    np.multiply(gy, flat, out=rows[:, 1])
+    np.multiply(density, steep, out=rows[:, 2])
+    np.multiply(uu - vv, flat, out=rows[:, 3])
+    np.multiply(u * v, 2 * flat, out=rows[:, 4])
+    np.multiply(-density / per_s, z + (2 * bend) * (steep * steep * steep), out=rows[:, 5])
+    rows[:, 6] = pixels.used
+    np.multiply(_normal_cdf(z), pixels.used, out=rows[:, 7])
+    rows[:, 8] = pixels.values
+    return rows
+
+
+def _normal_cdf(z):
+    """Phi of float32 values by a table, to 1e-4."""
+    return _CDF.take((z * np.float32(1024) + np.float32(8 * 1024 + 0.5)).astype(np.int32), mode="clip")
+
+
+_CDF = ndtr(np.arange(-8 * 1024, 8 * 1024 + 1) / 1024).astype(np.float32)
+
+
+def _least_squares(pixels, ellipse, log_s):
+    """Gauss-Newton over ellipse, log s and the levels: on a part of the pixels, then on all.
+
+    Returns a `_Solution` and where the equations are singular.
+    """
+    if pixels.x.shape[1] > 600:
+        part, singular = _gauss_newton(pixels.every(4), ellipse, log_s, 0.1)
+        ellipse, log_s = part.ellipse, part.log_s
+    return _gauss_newton(pixels, ellipse, log_s, STEP_TOLERANCE)
+
+
+def _gauss_newton(pixels, ellipse, log_s, tolerance):
+    """Gauss-Newton with halved steps, n discs at once; B and A are solved for in every step.
+
+    A disc is done when its step's squared length in its own sigmas is below the tolerance, when a step below
+    SMALL_STEP is taken (the rest of the way is of second order: no more than that squared), or
+    when a small one fails to improve the fit.
+    """
+    n, count = len(log_s), pixels.used.sum(axis=1, dtype=float)
+    best, step, fraction, gain = None, np.zeros((n, 6)), np.ones(n), np.zeros(n)
+    residuals, done, singular = np.empty(pixels.x.shape, np.float32), np.zeros(n, bool), np.zeros(n, bool)
     for _ in range(MAX_STEPS):
-        trial, trial_s = ellipse.moved(*fraction * step[:5]), float(np.clip(log_s + fraction * step[5], -1.5, 2.0))
-        share, derivatives = _model(x, y, trial, trial_s)
-        levels = _solve_levels(share, values)
-        residuals = values - levels[0] - levels[1] * share
-        squares = residuals @ residuals
-        if best is not None and squares > best.squares:
-            if decrement <= 10 * STEP_TOLERANCE:
-                return best
-            fraction *= 0.5
-            continue
-        ellipse, log_s, fraction = trial, trial_s, min(1.0, 2 * fraction)
-        jacobian = np.vstack([levels[1] * derivatives, np.ones_like(share), share])
-        normal, gradient = jacobian @ jacobian.T, jacobian @ residuals
-        best = _Solution(ellipse, log_s, levels, normal, squares, len(x))
-        step = _solve_scaled(normal, gradient)
-        if step is None:
-            return "no edge"
-        decrement = step @ gradient / max(squares / len(x), QUANTISATION)
-        if decrement <= STEP_TOLERANCE:
-            return best
+        trial = ellipse.moved(*(fraction[:, None] * step[:, :5]).T)
+        trial_s = np.clip(log_s + fraction * step[:, 5], -1.5, 2.0)
+        rows = _ingredients(pixels, trial, trial_s)
+        found, combination, scale, new_step, new_gain, bad = _solve_rows(rows, trial, trial_s, count)
+        if best is None:
+            best, better = found, np.ones(n, bool)
+        else:
+            better = (found.squares <= best.squares) & ~done
+            done |= ~better & (gain <= 10 * tolerance * np.maximum(best.squares / count, QUANTISATION))
+            best.update(better, _rows(found, better))
+        step[better], gain[better], singular[better & bad] = new_step[better, :6], new_gain[better], True
+        fraction = np.where(better, np.minimum(1.0, 2 * fraction), 0.5 * fraction)
+        ellipse, log_s = best.ellipse, best.log_s
+        decrement = gain / np.maximum(best.squares / count, QUANTISATION)
+        last = better & ((decrement <= tolerance) | ((decrement < 100) & (_movement(step, ellipse) < SMALL_STEP)))
+        if last.any():
+            best.update(last, _after_last_step(_rows(best, last), new_step[last], gain[last]))
+        combination[last, :8] -= new_step[last] * scale[last]
+        residuals[better] = (combination[better, None].astype(np.float32) @ rows[better])[:, 0]
+        done |= last | singular
+        if done.all():
+            break
         step = _limited(step, ellipse)
-    return replace(best, converged=False)
+    best.converged[:] = done
+    best.noise[:] = _residual_noise(residuals, count)
+    return best, singular
 
 
-def _solve_levels(share, values):
-    """B and A of B + A * share by least squares."""
-    mean, level = share.mean(), values.mean()
-    centred = share - mean
-    contrast = (centred @ values) / max(centred @ centred, 1e-12)
-    return np.array([level - contrast * mean, contrast])
+def _rows(solution, rows):
+    """Some rows of a `_Solution`."""
+    return _Solution(*(getattr(solution, name)[rows] for name in solution.__dataclass_fields__))
+
+
+def _movement(step, ellipse):
+    """An upper bound, px, of how far steps (..., 6) move any part of the edge, or s."""
+    shape = np.abs(step[..., 3:5]).max(axis=-1) * ellipse.r
+    return np.maximum(np.maximum(np.abs(step[..., :3]).max(axis=-1), np.abs(step[..., 5])), shape)
+
+
+def _after_last_step(solution, step, gain):
+    """Solutions after a step (n, 8) so small that the linear model says what it changes."""
+    return _Solution(
+        solution.ellipse.moved(*step[:, :5].T),
+        np.clip(solution.log_s + step[:, 5], -1.5, 2.0),
+        solution.levels + step[:, 6:],
+        solution.normal,
+        np.maximum(solution.squares - gain, 0),
+        solution.count,
+        solution.noise,
+        solution.converged,
+    )
+
+
+def _solve_rows(rows, ellipse, log_s, count):
+    """From `_ingredients`: the solution's values; the residual as a linear combination (n, 9) of the rows; the next
+    step (n, 8), how much it gains, and where it is undefined.
+    """
+    moments = (rows @ rows.transpose(0, 2, 1)).astype(float)
+    ones, mean, phi = moments[:, 6, 6], moments[:, 6, 7], moments[:, 7, 7]
+    contrast = moments[:, 7, 8] - mean * moments[:, 6, 8] / ones
+    contrast /= np.maximum(phi - mean**2 / ones, 1e-12)
+    level = (moments[:, 6, 8] - contrast * mean) / ones
+    combination = np.zeros((len(count), 9))
+    combination[:, 6], combination[:, 7], combination[:, 8] = -level, -contrast, 1
+    against = (moments @ combination[:, :, None])[:, :, 0]
+    squares = np.maximum((combination * against).sum(axis=1), 0)
+    scale = np.where(np.arange(8) < 6, contrast[:, None], 1.0)
+    normal, gradient = moments[:, :8, :8] * (scale[:, :, None] * scale[:, None, :]), against[:, :8] * scale
+    size = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-18))
+    unit = normal / (size[:, :, None] * size[:, None, :])
+    bad = (size < 1e-4).any(axis=1) | ~(np.linalg.det(unit) > 1e-14)
+    unit[bad] = np.eye(8)
+    step = np.linalg.solve(unit, (gradient / size)[:, :, None])[:, :, 0] / size
+    step[bad] = 0
+    levels, unknown = np.stack([level, contrast], axis=1), np.zeros(len(count))
+    solution = _Solution(ellipse, log_s, levels, normal, squares, count, unknown, unknown.copy())
+    return solution, combination, scale, step, (step * gradient).sum(axis=1), bad
+
+
+def _residual_noise(residuals, count):
+    """Standard deviation (n,) of the noise, from the differences of neighbouring residuals.
+
+    Differences larger than 3.5 standard deviations (first by their median) are left out: edges that the model
+    does not describe.
+    """
+    noise = np.empty(len(count))
+    for i, m in enumerate(count.astype(int)):
+        difference = np.abs(np.diff(residuals[i, :m]))
+        limit = 3.5 * max(1.4826 * float(np.partition(difference, m // 2)[m // 2]), 0.7)
+        difference = difference[difference < limit]
+        noise[i] = np.sqrt(max(float(difference @ difference) / max(2 * len(difference), 1), QUANTISATION))
+    return noise
 
 
 def _solve_scaled(normal, gradient):
@@ -394,18 +608,19 @@ def _solve_scaled(normal, gradient):
 
 
 def _limited(step, ellipse):
-    """The step shortened so that no part of the edge moves by more than 2 px and s by more than half."""
-    size = max(np.abs(step[:3]).max() / 2, np.abs(step[3:5]).max() * ellipse.r / 2, abs(step[5]) / 0.7, 1.0)
-    return step / size
+    """Steps (..., 6) shortened so that no part of the edge moves by more than 2 px and s by more than half."""
+    size = np.abs(step[..., :3]).max(axis=-1) / 2, np.abs(step[..., 3:5]).max(axis=-1) * ellipse.r / 2
+    return step / np.maximum(np.maximum(*size), np.maximum(np.abs(step[..., 5]) / 0.7, 1.0))[..., None]
 
 
-def _judge(image, solution, start, max_chi2, max_misfit):
+def _judge(image, solution, i, start, max_chi2, max_misfit):
     """Covariance, chi2 and the reason for a rejection; a refit by sectors from `start` where the model fails."""
-    ellipse, contrast, s = solution.ellipse, float(solution.levels[1]), np.exp(solution.log_s)
-    variance = max(solution.squares / max(solution.count - 8, 1), QUANTISATION)
-    noise = _ring_noise(image, ellipse, s)
-    covariance = variance * np.linalg.inv(solution.normal)[:5, :5]
-    if not solution.converged or (variance > REFIT_CHI2 * noise**2 and abs(contrast) > noise):
+    ellipse, contrast, s = solution.ellipse[i], float(solution.levels[i, 1]), float(np.exp(solution.log_s[i]))
+    variance = max(solution.squares[i] / max(solution.count[i] - 8, 1), QUANTISATION)
+    noise = solution.noise[i]
+    covariance = variance * np.linalg.inv(solution.normal[i])[:5, :5]
+    limit = 1 + REFIT_SIGMAS / np.sqrt(solution.count[i])
+    if not solution.converged[i] or (variance > limit * noise**2 and abs(contrast) > noise):
         refit = _refit(image, start, contrast, noise)
         if isinstance(refit, str):
             return _Fit(ellipse, refit, _to_axes(ellipse, covariance), variance / noise**2, contrast, s, noise)
@@ -434,7 +649,8 @@ class _Sectors:
 
 def _sectors(image, ellipse):
     """Cut the ring into sectors of about 12 px along the edge (12 to 48 of them)."""
-    x, y, values = _ring_pixels(image, ellipse)
+    columns, rows = _ring_indices(ellipse, image.shape)
+    x, y, values = columns.astype(float), rows.astype(float), image[rows, columns].astype(float)
     number = int(np.clip(round(2 * np.pi * ellipse.r / 12), 12, 48))
     angle = np.arctan2(y - ellipse.y, x - ellipse.x)
     sector = np.minimum(((angle / (2 * np.pi) + 0.5) * number).astype(int), number - 1)
@@ -509,22 +725,6 @@ def _sector_equations(sectors, ellipse, log_s):
     turned = jacobian.transpose(0, 2, 1)
     gradients = (turned @ residuals[..., None])[..., 0]
     return turned @ jacobian, gradients, (residuals**2).sum(axis=1), levels[:, 2] - levels[:, 0]
-
-
-# ---------------------------------------------------------------------------------------------------- noise
-
-
-def _ring_noise(image, ellipse, s):
-    """Standard deviation of the noise in the ring, by Immerkaer's mask away from the edge."""
-    patch, _, distance = _ring(image, ellipse, RING)
-    distance = np.abs(distance)
-    flat = (distance <= RING) & (distance >= min(3 * s + 1.5, RING - 1))
-    response = np.abs(cv2.filter2D(patch, cv2.CV_32F, _IMMERKAER, borderType=cv2.BORDER_REFLECT_101))[flat]
-    variance = np.pi / 2 * response.mean() ** 2 / 36 if len(response) else 0.0
-    return np.sqrt(max(float(variance), QUANTISATION))
-
-
-_IMMERKAER = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
 
 
 def _to_axes(ellipse, covariance):
