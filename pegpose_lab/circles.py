@@ -5,6 +5,7 @@ describes the classic transform: "a circle is drawn for each edge point with a r
 are here; they serve to find circles, `pegpose_lab.edges` to measure them.
 """
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -375,7 +376,9 @@ def _find_multiscale(image, request):
         if low < 2 * OCTAVE:
             low = max(low, OCTAVE if reduction > 1 else 0)
             found = _find_octave(image, (low, min(high, 2 * OCTAVE)), request) if low <= high else rows[0]
-            rows.append(found * [reduction, reduction, reduction, 1] + 0.5 * (reduction - 1) * _IS_PLACE)
+            found = found * [reduction, reduction, reduction, 1] + 0.5 * (reduction - 1) * _IS_PLACE
+            slack = 0.02 * found[:, 2] + 0.5 * reduction
+            rows.append(found[(found[:, 2] > request.r_min - slack) & (found[:, 2] < request.r_max + slack)])
         if high <= 2 * OCTAVE:
             return np.concatenate(rows)
         image, reduction = _halved(image), 2 * reduction
@@ -474,7 +477,7 @@ def _edges_near(edges, peaks, reach):
     index, place = np.nonzero(patches >= 0)
     point = patches[index, place]
     x, y = edges.x[point] - peaks[index, 0], edges.y[point] - peaks[index, 1]
-    distance = np.sqrt(x * x + y * y)
+    distance = np.maximum(np.sqrt(x * x + y * y), 1e-6)
     keep = (x * edges.ux[point] + y * edges.uy[point] < -ALIGNED * distance) & (distance <= reach)
     return _Near(peaks, index[keep], x[keep], y[keep], distance[keep])
 
@@ -509,44 +512,44 @@ def _fit_outlines(near, peak, radius, request):
     To first order an ellipse is distance(t) = r + x cos t + y sin t + p cos 2t + q sin 2t.  The score is the part
     of the sectors that have an edge point within 10 % of the radius (at least 1 px) of it.
     """
-    candidate, point = _points_of(near, peak)
-    distance, wanted = near.distance[point], radius[candidate]
-    cos, sin = near.x[point] / np.maximum(distance, 1e-6), near.y[point] / np.maximum(distance, 1e-6)
-    design = np.stack([np.ones_like(cos), cos, sin, cos * cos - sin * sin, 2 * cos * sin], axis=1)
-    solution = np.zeros((len(peak), 5))
-    solution[:, 0] = radius
+    if len(peak) == 0:
+        return np.empty((0, 4))
+    point, used = _points_of(near, peak)
+    distance, wanted = np.where(used, near.distance[point], np.inf), radius[:, None]
+    cos, sin = near.x[point] / near.distance[point], near.y[point] / near.distance[point]
+    design = np.stack([np.ones_like(cos), cos, sin, cos * cos - sin * sin, 2 * cos * sin], axis=2)
+    solution = np.zeros((len(peak), 5, 1))
+    solution[:, 0, 0] = radius
     for tolerance in (BAND, 0.6 * BAND):
-        residual = distance - np.einsum("ij,ij->i", design, solution[candidate])
-        solution += _solve_outlines(design, residual, np.abs(residual) <= np.maximum(tolerance * wanted, 1), candidate)
-    residual = np.abs(distance - np.einsum("ij,ij->i", design, solution[candidate]))
-    on_edge = residual <= np.maximum(0.1 * wanted, 1)
-    sectors = candidate[on_edge] * SECTORS + _sector(cos[on_edge], sin[on_edge])
-    score = (np.bincount(sectors, minlength=len(peak) * SECTORS).reshape(-1, SECTORS) > 0).mean(axis=1)
-    rows = np.column_stack([near.peaks[peak] + solution[:, 1:3], solution[:, 0], score])
-    shift, shape = np.hypot(*solution[:, 1:3].T), np.hypot(*solution[:, 3:].T)
-    good = (shift < 0.5 * radius + 2) & (shape < 0.3 * radius) & (np.abs(rows[:, 2] - radius) < BAND * radius + 1)
-    return rows[good & (score >= 1 - request.sensitivity / 2)]
+        residual = distance - (design @ solution)[:, :, 0]
+        inside = np.abs(residual) <= np.maximum(tolerance * wanted, 1)
+        weighted = (design * inside[:, :, None]).transpose(0, 2, 1)
+        solution += np.linalg.solve(weighted @ design + _HOLD, weighted @ np.where(inside, residual, 0)[:, :, None])
+    residual = np.abs(distance - (design @ solution)[:, :, 0])
+    candidate, place = np.nonzero(residual <= np.maximum(0.1 * wanted, 1))
+    sectors = candidate * SECTORS + _sector(cos[candidate, place], sin[candidate, place])
+    score = (np.bincount(sectors, minlength=len(peak) * SECTORS).reshape(-1, SECTORS) > 0).sum(axis=1) / SECTORS
+    r, x, y, p, q = solution[:, :, 0].T
+    good = (np.hypot(x, y) < 0.5 * radius + 2) & (np.hypot(p, q) < 0.3 * radius)
+    good &= (np.abs(r - radius) < BAND * radius + 1) & (score >= _least_score(request))
+    return np.stack([near.peaks[peak, 0] + x, near.peaks[peak, 1] + y, r, score], axis=1)[good]
+
+
+_HOLD = np.diag([1e-3, 0.5, 0.5, 1.0, 1.0])  # holds centre and shape where there are few points
+
+
+def _least_score(request):
+    """The least part of a circle's edge that must be seen."""
+    return 1 - request.sensitivity / 2
 
 
 def _points_of(near, peak):
-    """For each candidate the edge points around its peak: pairs of indices (m,), (m,)."""
+    """For each candidate the indices of the edge points around its peak, in rows (n, m), and which of them count."""
     starts = np.searchsorted(near.index, np.arange(len(near.peaks) + 1))
     counts = np.diff(starts)[peak]
-    candidate = np.repeat(np.arange(len(peak)), counts)
-    first = np.repeat(starts[peak] - np.cumsum(counts) + counts, counts)
-    return candidate, first + np.arange(len(candidate))
-
-
-def _solve_outlines(design, residual, used, candidate):
-    """Least-squares steps (n, 5) from the used points; the shape is held back where there are few points."""
-    n = candidate[-1] + 1 if len(candidate) else 0
-    products = np.einsum("ij,ik->ijk", design[used], np.column_stack([design[used], residual[used]]))
-    sums = np.zeros((n, 30))
-    starts = np.searchsorted(candidate[used], np.arange(n))
-    sums = np.vstack([np.zeros(30), np.cumsum(products.reshape(-1, 30), axis=0)])
-    ends = np.append(starts[1:], len(products)).astype(int)
-    normal = (sums[ends] - sums[starts]).reshape(n, 5, 6)
-    return np.linalg.solve(normal[:, :, :5] + np.diag([1e-3, 0.5, 0.5, 1.0, 1.0]), normal[:, :, 5:])[:, :, 0]
+    place = np.arange(counts.max())
+    used = place < counts[:, None]
+    return np.where(used, starts[peak][:, None] + place, 0), used
 
 
 # ---------------------------------------------------------------------------------------------------- volume
@@ -611,24 +614,34 @@ def _as_circles(rows, shape, request, max_circles):
     centers = np.clip(rows[:, :2], 0, [shape[1] - 1, shape[0] - 1])
     radii = np.clip(rows[:, 2], request.r_min, request.r_max)
     order = np.lexsort((centers[:, 0], centers[:, 1], -rows[:, 3]))
-    kept = []
+    places, kept = np.column_stack([centers, radii]).tolist(), []
     for i in order.tolist():
         if max_circles is not None and len(kept) == max_circles:
             break
-        apart = np.hypot(*(centers[kept] - centers[i]).T) + np.abs(radii[kept] - radii[i])
-        if (apart < np.maximum(3.0, 0.15 * np.minimum(radii[kept], radii[i]))).any():
-            continue
-        if request.method == "multiscale":
-            explained = _shared_edge(centers[i], radii[i], centers[kept], radii[kept])
-            if rows[i, 3] - explained < 1 - request.sensitivity / 2:
-                continue
-        kept.append(i)
+        near = [k for k in kept if _may_touch(places[i], places[k])]
+        if not near or not _is_known(places[i], [places[k] for k in near], rows[i, 3], request):
+            kept.append(i)
     return Circles(centers[kept], radii[kept], rows[kept, 3])
 
 
-def _shared_edge(center, radius, centers, radii):
-    """The part of a circle that runs along better ones."""
-    t = (np.arange(SECTORS) + 0.5) * (2 * np.pi / SECTORS)
-    points = center + radius * np.column_stack([np.cos(t), np.sin(t)])
-    distance = np.abs(np.hypot(*(points[:, None] - centers).transpose(2, 0, 1)) - radii)
-    return (distance < np.maximum(2.0, BAND * np.minimum(radius, radii))).any(axis=1).mean()
+def _may_touch(first, second):
+    """Whether two circles x, y, r are nearer than the widest tolerance below."""
+    apart = math.hypot(first[0] - second[0], first[1] - second[1])
+    tolerance = 3.0 + BAND * min(first[2], second[2])
+    return abs(first[2] - second[2]) - tolerance < apart < first[2] + second[2] + tolerance
+
+
+def _is_known(circle, others, score, request):
+    """Whether a circle is nowhere far from a better one, or (multiscale) too little of its edge is its own."""
+    x, y, r = np.array(others).T
+    smaller = np.minimum(r, circle[2])
+    if (np.hypot(x - circle[0], y - circle[1]) + np.abs(r - circle[2]) < np.maximum(3.0, 0.15 * smaller)).any():
+        return True
+    if request.method != "multiscale":
+        return False
+    along, across = circle[0] + circle[2] * _COS[:, None] - x, circle[1] + circle[2] * _SIN[:, None] - y
+    shared = np.abs(np.hypot(along, across) - r) < np.maximum(2.0, BAND * smaller)
+    return score - shared.any(axis=1).mean() < _least_score(request)
+
+
+_COS, _SIN = (function((np.arange(SECTORS) + 0.5) * (2 * np.pi / SECTORS)) for function in (np.cos, np.sin))

@@ -31,7 +31,7 @@ N_RAYS, RAY_POINTS = 64, 49
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together
 MAX_STEPS = 30
 STEP_TOLERANCE = 1e-3
-SMALL_STEP = 0.05  # px
+ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px
 REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, at which levels are set free
 MIN_VISIBLE = 0.4  # least part of the edge that has to fit
 MAX_REFITS = 3
@@ -486,17 +486,17 @@ def _least_squares(pixels, ellipse, log_s):
     Returns a `_Solution` and where the equations are singular.
     """
     if pixels.x.shape[1] > 600:
-        part, singular = _gauss_newton(pixels.every(4), ellipse, log_s, 0.1)
+        part, _ = _gauss_newton(pixels.every(4), ellipse, log_s, ROUGH_STEP)
         ellipse, log_s = part.ellipse, part.log_s
-    return _gauss_newton(pixels, ellipse, log_s, STEP_TOLERANCE)
+    return _gauss_newton(pixels, ellipse, log_s, SMALL_STEP)
 
 
-def _gauss_newton(pixels, ellipse, log_s, tolerance):
+def _gauss_newton(pixels, ellipse, log_s, small):
     """Gauss-Newton with halved steps, n discs at once; B and A are solved for in every step.
 
-    A disc is done when its step's squared length in its own sigmas is below the tolerance, when a step below
-    SMALL_STEP is taken (the rest of the way is of second order: no more than that squared), or
-    when a small one fails to improve the fit.
+    A disc is done when its step's squared length in its own sigmas is below STEP_TOLERANCE, when a step that
+    moves nothing by more than `small` is taken (the rest of the way is of second order: no more than that squared),
+    or when a small one fails to improve the fit.
     """
     n, count = len(log_s), pixels.used.sum(axis=1, dtype=float)
     best, step, fraction, gain = None, np.zeros((n, 6)), np.ones(n), np.zeros(n)
@@ -510,13 +510,13 @@ def _gauss_newton(pixels, ellipse, log_s, tolerance):
             best, better = found, np.ones(n, bool)
         else:
             better = (found.squares <= best.squares) & ~done
-            done |= ~better & (gain <= 10 * tolerance * np.maximum(best.squares / count, QUANTISATION))
+            done |= ~better & (gain <= 10 * STEP_TOLERANCE * np.maximum(best.squares / count, QUANTISATION))
             best.update(better, _rows(found, better))
         step[better], gain[better], singular[better & bad] = new_step[better, :6], new_gain[better], True
         fraction = np.where(better, np.minimum(1.0, 2 * fraction), 0.5 * fraction)
         ellipse, log_s = best.ellipse, best.log_s
         decrement = gain / np.maximum(best.squares / count, QUANTISATION)
-        last = better & ((decrement <= tolerance) | ((decrement < 100) & (_movement(step, ellipse) < SMALL_STEP)))
+        last = better & ((decrement <= STEP_TOLERANCE) | (_movement(step, ellipse) < small))
         if last.any():
             best.update(last, _after_last_step(_rows(best, last), new_step[last], gain[last]))
         combination[last, :8] -= new_step[last] * scale[last]
