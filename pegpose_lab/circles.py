@@ -14,7 +14,7 @@ import numpy as np
 from .checks import as_image, as_number, as_points
 
 METHODS = ("multiscale", "two-stage", "phase-code", "accumulator")
-OCTAVE = 6.0  # px, smallest radius that is searched on a reduced picture; the largest is twice that
+OCTAVE = 5.0  # px, smallest radius that is searched on a reduced picture; the largest is twice that, or 2.4 times
 NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of the noise, and at all
 LEAST_VOTES, LEAST_QUALITY = 0.25, 0.8  # of a candidate
 ALIGNED = 0.8  # cosine of the largest angle between an edge's gradient and the direction of the centre
@@ -373,13 +373,14 @@ def _find_multiscale(image, request):
     largest = min(request.r_max, min(image.shape))  # larger circles show less than half of their edge
     while True:
         low, high = request.r_min / reduction, largest / reduction
+        last = high <= 2.4 * OCTAVE
         if low < 2 * OCTAVE:
             low = max(low, OCTAVE if reduction > 1 else 0)
-            found = _find_octave(image, (low, min(high, 2 * OCTAVE)), request) if low <= high else rows[0]
+            found = _find_octave(image, (low, high if last else 2 * OCTAVE), request) if low <= high else rows[0]
             found = found * [reduction, reduction, reduction, 1] + 0.5 * (reduction - 1) * _IS_PLACE
             slack = 0.02 * found[:, 2] + 0.5 * reduction
             rows.append(found[(found[:, 2] > request.r_min - slack) & (found[:, 2] < request.r_max + slack)])
-        if high <= 2 * OCTAVE:
+        if last:
             return np.concatenate(rows)
         image, reduction = _halved(image), 2 * reduction
 

@@ -269,7 +269,7 @@ def _robust_solve(design, values, weights):
     """Least squares of n rows with Cauchy weights that start from the median; the scale follows the residuals."""
     residuals = values - _median(values)
     weights = weights + 1e-6
-    for _ in range(8):
+    for _ in range(4):
         scale = np.maximum(2 * _median(np.abs(residuals)), 0.25)
         w = (weights / (1 + (residuals / scale) ** 2))[:, None] * design.T
         solution = np.linalg.solve(w @ design, w @ values[:, :, None])[:, :, 0]
@@ -354,9 +354,10 @@ def _ring_pixels(image, ellipses):
     x, y, values, used = np.zeros((4, len(rings), max(len(ring[0]) for ring in rings)), np.float32)
     for i, (columns, rows) in enumerate(rings):
         m = len(columns)
-        x[i, :m], y[i, :m] = columns - origin[i, 0], rows - origin[i, 1]
-        values[i, :m], used[i, :m] = image[rows, columns], 1
-        x[i, m:] = ellipses.r[i]
+        x[i, :m], y[i, :m], x[i, m:] = columns, rows, origin[i, 0] + ellipses.r[i]
+        values[i, :m], used[i, :m] = image.ravel().take(rows * image.shape[1] + columns), 1
+    x -= origin[:, :1].astype(np.float32)
+    y -= origin[:, 1:].astype(np.float32)
     return _Pixels(origin, x, y, values, used)
 
 
@@ -365,26 +366,24 @@ def _ring_indices(ellipse, shape):
     (a, b), cos, sin = ellipse.axes, np.cos(ellipse.angle), np.sin(ellipse.angle)
     half = np.hypot((a + RING) * sin, (b + RING) * cos)
     rows = np.arange(max(int(np.ceil(ellipse.y - half)), 0), min(int(ellipse.y + half), shape[0] - 1) + 1)
-    (left, right), (start, end) = (
-        _spans(rows - ellipse.y, max(a + d, 0.1), max(b + d, 0.1), cos, sin) for d in (RING, -RING)
-    )
-    left = np.maximum(np.ceil(ellipse.x + left), 0).astype(np.intp)
-    right = np.minimum(np.floor(ellipse.x + right), shape[1] - 1).astype(np.intp) + 1
-    hollow = end > start
-    start = np.where(hollow, np.clip(np.ceil(ellipse.x + start), left, right), right).astype(np.intp)
-    end = np.where(hollow, np.clip(np.floor(ellipse.x + end) + 1, start, right), right).astype(np.intp)
-    first = np.concatenate([left, end])
-    counts = np.maximum(np.concatenate([start - left, right - end]), 0)
-    columns = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
-    return columns, np.repeat(np.concatenate([rows, rows]), counts)
+    outer, inner = ((max(a + d, 0.1), max(b + d, 0.1)) for d in (RING, -RING))
+    middle, reach = _spans(rows - ellipse.y, *outer, cos, sin)
+    first = np.maximum(np.ceil(ellipse.x + middle - reach), 0)
+    end = np.minimum(np.floor(ellipse.x + middle + reach) + 1, shape[1])
+    middle, reach = _spans(rows - ellipse.y, *inner, cos, sin)
+    left = np.where(reach > 0, np.ceil(ellipse.x + middle - reach), end).clip(first, end)
+    right = np.where(reach > 0, np.floor(ellipse.x + middle + reach) + 1, end).clip(left, end)
+    first, counts = np.array([first, right]).ravel(), np.array([left - first, end - right]).ravel()
+    counts = np.maximum(counts, 0).astype(np.intp)
+    shift = first.astype(np.intp) - np.cumsum(counts) + counts
+    return np.arange(counts.sum()) + np.repeat(shift, counts), np.repeat(np.concatenate([rows, rows]), counts)
 
 
 def _spans(dy, a, b, cos, sin):
-    """Where rows at dy from the centre of an ellipse enter and leave it; both 0 where they miss it."""
+    """Middle and half width of an ellipse in the rows at dy from its centre; half width 0 where they miss it."""
     form = (cos / a) ** 2 + (sin / b) ** 2
-    middle = -dy * cos * sin * (1 / a**2 - 1 / b**2) / form
-    root = np.sqrt(np.maximum(form - (dy / (a * b)) ** 2, 0)) / form
-    return np.where(root > 0, middle - root, 0), np.where(root > 0, middle + root, 0)
+    middle = dy * (-cos * sin * (1 / a**2 - 1 / b**2) / form)
+    return middle, np.sqrt(np.maximum(form - (dy / (a * b)) ** 2, 0)) / form
 
 
 def _geometry(x, y, ellipse):
@@ -486,9 +485,11 @@ def _least_squares(pixels, ellipse, log_s):
     Returns a `_Solution` and where the equations are singular.
     """
     if pixels.x.shape[1] > 600:
-        part, _ = _gauss_newton(pixels.every(4), ellipse, log_s, ROUGH_STEP)
+        part, *_ = _gauss_newton(pixels.every(4), ellipse, log_s, ROUGH_STEP)
         ellipse, log_s = part.ellipse, part.log_s
-    return _gauss_newton(pixels, ellipse, log_s, SMALL_STEP)
+    solution, singular, residuals = _gauss_newton(pixels, ellipse, log_s, SMALL_STEP)
+    solution.noise[:] = _residual_noise(residuals, solution.count)
+    return solution, singular
 
 
 def _gauss_newton(pixels, ellipse, log_s, small):
@@ -526,8 +527,7 @@ def _gauss_newton(pixels, ellipse, log_s, small):
             break
         step = _limited(step, ellipse)
     best.converged[:] = done
-    best.noise[:] = _residual_noise(residuals, count)
-    return best, singular
+    return best, singular, residuals
 
 
 def _rows(solution, rows):
