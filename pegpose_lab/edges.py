@@ -35,6 +35,9 @@ ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px
 REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, at which levels are set free
 MIN_VISIBLE = 0.4  # least part of the edge that has to fit
 MAX_REFITS = 3
+SECTOR_LENGTH = 12.0  # px
+SECTOR_SIGMAS = 3.0
+FREEZE = 6
 
 
 @dataclass(frozen=True)
@@ -425,7 +428,7 @@ def _model(x, y, ellipse, log_s):
     return ndtr(z), derivatives
 
 
-def _ingredients(pixels, ellipse, log_s):
+def _ingredients(pixels, ellipse, log_s, extra=0):
     """Rows (n, 9, m): Phi's derivatives by x, y, r, p, q, log s, then 1, Phi and the grey values.
 
     The formulas are those of `_geometry` and `_model`, for n discs at once and in float32.
@@ -444,7 +447,7 @@ def _ingredients(pixels, ellipse, log_s):
         ]
     ).astype(np.float32)[:, :, None]
     cx, cy, ux, uy, vy, vx, r, per_s, bend = column
-    rows = np.empty((len(ellipse.r), 9, pixels.x.shape[1]), np.float32)
+    rows = np.empty((len(ellipse.r), 9 + extra, pixels.x.shape[1]), np.float32)
     dx, dy = pixels.x - cx, pixels.y - cy
     u, v = dx * ux + dy * uy, dy * vy - dx * vx
     uu, vv = u * u, v * v
@@ -453,7 +456,7 @@ def _ingredients(pixels, ellipse, log_s):
     norm = norm * inverse_norm
     # the gradient of |w| is (gx, gy) / |w|; dx and dy are no longer needed
     gx, gy = u * ux - v * vx, u * uy + v * vy
-    inverse = 1 / np.sqrt(gx * gx + gy * gy)
+    inverse = 1 / np.sqrt(np.maximum(gx * gx + gy * gy, np.float32(0.01) * norm * norm))
     steep = inverse * norm  # 1 / |gradient of |w||
     z = (r - norm) * (steep * per_s) - bend * steep * steep * steep
     density = np.exp(np.float32(-0.5) * z * z) * (per_s * np.float32(1 / np.sqrt(2 * np.pi)))
@@ -468,6 +471,9 @@ def _ingredients(pixels, ellipse, log_s):
     rows[:, 6] = pixels.used
     np.multiply(_normal_cdf(z), pixels.used, out=rows[:, 7])
     rows[:, 8] = pixels.values
+    if extra:
+        np.multiply(r - norm, steep * pixels.used, out=rows[:, 9])
+        np.multiply(rows[:, 9], rows[:, 7], out=rows[:, 10])
     return rows
 
 
@@ -637,94 +643,120 @@ def _judge(image, solution, i, start, max_chi2, max_misfit):
 # -------------------------------------------------------------------------------------------------- sectors
 
 
-@dataclass(frozen=True)
-class _Sectors:
-    """The ring's pixels in rows, one row for each angular sector; `used` is 0 on what fills the rows up."""
-
-    x: np.ndarray
-    y: np.ndarray
-    values: np.ndarray
-    used: np.ndarray
-
-
 def _sectors(image, ellipse):
-    """Cut the ring into sectors of about 12 px along the edge (12 to 48 of them)."""
+    """The ring's pixels with a row for each angular sector, of about SECTOR_LENGTH px along the edge (12 to 48)."""
     columns, rows = _ring_indices(ellipse, image.shape)
-    x, y, values = columns.astype(float), rows.astype(float), image[rows, columns].astype(float)
-    number = int(np.clip(round(2 * np.pi * ellipse.r / 12), 12, 48))
-    angle = np.arctan2(y - ellipse.y, x - ellipse.x)
-    sector = np.minimum(((angle / (2 * np.pi) + 0.5) * number).astype(int), number - 1)
+    number = int(np.clip(round(2 * np.pi * ellipse.r / SECTOR_LENGTH), 12, 48))
+    x, y = columns - ellipse.x, rows - ellipse.y
+    sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * number).astype(int), number - 1)
     order = np.argsort(sector, kind="stable")
     counts = np.bincount(sector, minlength=number)
     place = np.arange(len(x)) - np.repeat(np.cumsum(counts) - counts, counts)
-    rows = np.zeros((4, number, counts.max()))
-    for row, data in zip(rows, (x, y, values, np.ones(len(x))), strict=True):
+    filled = np.zeros((4, number, counts.max()), np.float32)
+    filled[0] = ellipse.r
+    values = image[rows, columns] - image[rows, columns].mean()
+    for row, data in zip(filled, (x, y, values, np.ones(len(x))), strict=True):
         row[sector[order], place] = data[order]
-    return _Sectors(*rows)
+    return _Pixels(np.tile([ellipse.x, ellipse.y], (number, 1)), *filled)
 
 
 def _refit(image, start, contrast, noise):
-    """Fit again with a level and a slope of its own, inside and outside, in each angular sector.
+    """Fit again, with levels and slopes of their own, inside and outside, in those sectors that need them.
 
-    Side walls, highlights and clutter change the levels around the disc; ellipse and s are common.  The
-    linear unknowns of a sector are eliminated from the normal equations.  A sector whose chi2 is above a
-    limit, 1.5 or the median over the sectors if that is larger, gets the weight (limit / chi2)^2, one with
-    less than a quarter of the contrast none.  The covariance is
-    the sandwich over sectors, sum of w^2 g g^T in the middle (g a sector's gradient), so that what
-    the model does not describe counts once for a sector and not once for each pixel.
+    Side walls, highlights and clutter change the levels around the disc.  A sector whose chi2 with the common levels
+    is more than SECTOR_SIGMAS standard deviations above 1 gets a level and a slope of its own on either side; they
+    are eliminated from the normal equations.  Where that does not help either, it gets the weight
+    (limit / chi2)^2, and none if it has less than a quarter of the contrast.
 
     Returns the ellipse, the covariance of x, y, r, p, q, the variance and s, or the reason why there is none.
     """
     sectors = _sectors(image, start)
-    ellipse, log_s = start, np.log(1.2)
-    for _ in range(MAX_STEPS):
-        normals, gradients, squares, contrasts = _sector_equations(sectors, ellipse, log_s)
-        freedom = np.maximum(sectors.used.sum(axis=1) - 4, 1)
-        chi2 = np.maximum(squares / freedom, QUANTISATION) / noise**2
-        weights = np.minimum(1, (max(1.5, np.median(chi2)) / chi2) ** 2) * (contrasts / contrast > 0.25)
+    count = sectors.used.sum(axis=1, dtype=float)
+    limit = 1 + SECTOR_SIGMAS * np.sqrt(2 / np.maximum(count - 4, 1))
+    ellipse, log_s, levels, own = start, np.log(1.2), None, np.ones(len(count), bool)
+    for number in range(MAX_STEPS):
+        moments = _sector_moments(sectors, ellipse, log_s)
+        free = _own_levels(moments, count, noise)
+        if levels is None:
+            levels = _common_levels(free, count)
+        shared = _same_levels(moments, levels, count, noise)
+        if number < FREEZE:
+            own = shared.chi2 > limit if number else own
+        chi2 = np.where(own, free.chi2, shared.chi2)
+        weights = np.where(own, np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast > 0.25), 1.0)
         if weights.sum() < MIN_VISIBLE * len(weights):
             return "edge hidden"
-        normal = np.tensordot(weights, normals, 1)
-        step = _solve_scaled(normal, weights @ gradients)
+        each = np.where(own[:, None, None], free.normal, shared.normal) * weights[:, None, None]
+        normal = each.sum(axis=0) + 1e-9 * np.eye(8)
+        gradient = (np.where(own[:, None], free.gradient, shared.gradient) * weights[:, None]).sum(axis=0)
+        step = _solve_scaled(normal, gradient)
         if step is None:
             return "no edge"
-        if step @ normal @ step <= 10 * STEP_TOLERANCE * noise**2:
+        if number > 1 and step @ normal @ step <= 10 * STEP_TOLERANCE * noise**2:
             break
-        step = _limited(step, ellipse)
+        step[:6] = _limited(step[:6], ellipse)
         ellipse, log_s = ellipse.moved(*step[:5]), float(np.clip(log_s + step[5], -1.5, 2.0))
+        levels = levels + step[6:]
         if _distance(ellipse, start) > RING:
             return "does not converge"
     else:
         return "does not converge"
     if not _inside(ellipse, image.shape):
         return "leaves the image"
-    scores = weights[:, None] * gradients
     bread = np.linalg.inv(normal)
-    middle = scores.T @ scores * (len(weights) / (len(weights) - 6))
+    middle = np.tensordot(weights * np.maximum(chi2, 1), each, 1) * noise**2
     covariance = bread @ middle @ bread
-    variance = noise**2 * (weights * freedom) @ chi2 / (weights @ freedom)
+    variance = noise**2 * (weights * count) @ chi2 / (weights @ count)
     return ellipse, covariance[:5, :5], variance, np.exp(log_s)
 
 
-def _sector_equations(sectors, ellipse, log_s):
-    """Normal matrices and gradients of (x, y, r, p, q, log s), residual squares and contrasts, by sector."""
-    shape = sectors.x.shape
-    x, y = sectors.x.ravel(), sectors.y.ravel()
-    share, derivatives = (part.reshape(*part.shape[:-1], *shape) for part in _model(x, y, ellipse, log_s))
-    distance = np.clip(_geometry(x, y, ellipse)[0].reshape(shape), -RING, RING) / RING
-    basis = np.stack([1 - share, (1 - share) * distance, share, share * distance], axis=-1)
-    basis *= sectors.used[..., None]
-    moments = basis.transpose(0, 2, 1) @ basis + 1e-6 * np.eye(4)
-    levels = np.linalg.solve(moments, basis.transpose(0, 2, 1) @ sectors.values[..., None])
-    residuals = sectors.values - (basis @ levels)[..., 0]
-    levels = levels[..., 0]
-    step = (levels[:, 2] - levels[:, 0])[:, None] + (levels[:, 3] - levels[:, 1])[:, None] * distance
-    jacobian = (derivatives * (step * sectors.used)).transpose(1, 2, 0)
-    mixed = basis.transpose(0, 2, 1) @ jacobian
-    jacobian -= basis @ np.linalg.solve(moments, mixed)
-    turned = jacobian.transpose(0, 2, 1)
-    gradients = (turned @ residuals[..., None])[..., 0]
-    return turned @ jacobian, gradients, (residuals**2).sum(axis=1), levels[:, 2] - levels[:, 0]
+@dataclass
+class _SectorFit:
+    """By sector: chi2, contrast, normal matrix and gradient of (x, y, r, p, q, log s, B, A)."""
+
+    chi2: np.ndarray
+    contrast: np.ndarray
+    level: np.ndarray
+    normal: np.ndarray
+    gradient: np.ndarray
+
+
+def _sector_moments(sectors, ellipse, log_s):
+    """Sums of products (k, 11, 11) of the rows of `_ingredients` and of the distance and the distance times Phi."""
+    n = len(sectors.x)
+    many = _Ellipse(*(np.full(n, getattr(ellipse, name)) for name in ("x", "y", "r", "m", "angle")))
+    rows = _ingredients(sectors, many, np.full(n, log_s), extra=2)
+    return (rows @ rows.transpose(0, 2, 1)).astype(float)
+
+
+def _own_levels(moments, count, noise):
+    """Each sector with a level and a slope of its own on either side."""
+    own = [6, 7, 9, 10]
+    inner = moments[:, own][:, :, own] + np.diag([1e-6, 1e-6, 1e-3, 1e-3])
+    mixed = moments[:, own][:, :, [*range(6), 8]]
+    solved = np.linalg.solve(inner, mixed)
+    left = moments[:, [*range(6), 8]][:, :, [*range(6), 8]] - mixed.transpose(0, 2, 1) @ solved
+    contrast = solved[:, 1, 6]
+    normal, gradient = np.zeros((len(count), 8, 8)), np.zeros((len(count), 8))
+    normal[:, :6, :6] = left[:, :6, :6] * contrast[:, None, None] ** 2
+    gradient[:, :6] = left[:, :6, 6] * contrast[:, None]
+    chi2 = np.maximum(left[:, 6, 6] / np.maximum(count - 4, 1), QUANTISATION) / noise**2
+    return _SectorFit(chi2, contrast, solved[:, 0, 6], normal, gradient)
+
+
+def _common_levels(fit, count):
+    """Levels B and A that suit most sectors."""
+    return np.array([np.median(fit.level), np.median(fit.contrast)])
+
+
+def _same_levels(moments, levels, count, noise):
+    """Each sector with the common levels."""
+    combination = np.array([0, 0, 0, 0, 0, 0, -levels[0], -levels[1], 1])
+    against = moments[:, :9, :9] @ combination
+    scale = np.where(np.arange(8) < 6, levels[1], 1.0)
+    chi2 = np.maximum(against @ combination / np.maximum(count, 1), QUANTISATION) / noise**2
+    normal = moments[:, :8, :8] * scale[:, None] * scale
+    return _SectorFit(chi2, np.full(len(count), levels[1]), levels[0], normal, against[:, :8] * scale)
 
 
 def _to_axes(ellipse, covariance):
