@@ -37,7 +37,8 @@ MIN_VISIBLE = 0.4  # least part of the edge that has to fit
 MAX_REFITS = 3
 SECTOR_LENGTH = 12.0  # px
 SECTOR_SIGMAS = 3.0
-FREEZE = 6
+OWN_EXCESS = 14.0
+ALONE, FREEZE = 3, 8
 
 
 @dataclass(frozen=True)
@@ -646,7 +647,7 @@ def _judge(image, solution, i, start, max_chi2, max_misfit):
 def _sectors(image, ellipse):
     """The ring's pixels with a row for each angular sector, of about SECTOR_LENGTH px along the edge (12 to 48)."""
     columns, rows = _ring_indices(ellipse, image.shape)
-    number = int(np.clip(round(2 * np.pi * ellipse.r / SECTOR_LENGTH), 12, 48))
+    number = int(np.clip(round(2 * np.pi * ellipse.r / SECTOR_LENGTH), 12, 96))
     x, y = columns - ellipse.x, rows - ellipse.y
     sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * number).astype(int), number - 1)
     order = np.argsort(sector, kind="stable")
@@ -677,11 +678,12 @@ def _refit(image, start, contrast, noise):
     for number in range(MAX_STEPS):
         moments = _sector_moments(sectors, ellipse, log_s)
         free = _own_levels(moments, count, noise)
-        if levels is None:
+        if number <= ALONE:
             levels = _common_levels(free, count)
         shared = _same_levels(moments, levels, count, noise)
-        if number < FREEZE:
-            own = shared.chi2 > limit if number else own
+        if ALONE <= number < FREEZE:
+            excess = (shared.chi2 * count - free.chi2 * (count - 4)) 
+            own = (excess > OWN_EXCESS) | (shared.chi2 > limit)
         chi2 = np.where(own, free.chi2, shared.chi2)
         weights = np.where(own, np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast > 0.25), 1.0)
         if weights.sum() < MIN_VISIBLE * len(weights):
@@ -692,7 +694,7 @@ def _refit(image, start, contrast, noise):
         step = _solve_scaled(normal, gradient)
         if step is None:
             return "no edge"
-        if number > 1 and step @ normal @ step <= 10 * STEP_TOLERANCE * noise**2:
+        if number > ALONE and step @ normal @ step <= 10 * STEP_TOLERANCE * noise**2:
             break
         step[:6] = _limited(step[:6], ellipse)
         ellipse, log_s = ellipse.moved(*step[:5]), float(np.clip(log_s + step[5], -1.5, 2.0))
