@@ -35,9 +35,10 @@ ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px
 REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, at which levels are set free
 MIN_VISIBLE = 0.4  # least part of the edge that has to fit
 MAX_REFITS = 3
-SECTOR_LENGTH = 12.0  # px
-SECTOR_SIGMAS = 3.0
+SECTOR_LENGTH = 5.0  # px
+SECTOR_SIGMAS = 4.0
 OWN_EXCESS = 14.0
+OWNW = 0.3
 ALONE, FREEZE = 3, 8
 
 
@@ -685,7 +686,7 @@ def _refit(image, start, contrast, noise):
             excess = (shared.chi2 * count - free.chi2 * (count - 4)) 
             own = (excess > OWN_EXCESS) | (shared.chi2 > limit)
         chi2 = np.where(own, free.chi2, shared.chi2)
-        weights = np.where(own, np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast > 0.25), 1.0)
+        weights = np.where(own, OWNW * np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast > 0.25), 1.0)
         if weights.sum() < MIN_VISIBLE * len(weights):
             return "edge hidden"
         each = np.where(own[:, None, None], free.normal, shared.normal) * weights[:, None, None]
