@@ -38,7 +38,7 @@ MAX_REFITS = 3
 SECTOR_LENGTH = 5.0  # px
 SECTOR_SIGMAS = 4.0
 OWN_EXCESS = 14.0
-OWNW = 0.3
+OWN_WEIGHT = 0.3
 ALONE, FREEZE = 3, 8
 
 
@@ -686,9 +686,10 @@ def _refit(image, start, contrast, noise):
             excess = (shared.chi2 * count - free.chi2 * (count - 4)) 
             own = (excess > OWN_EXCESS) | (shared.chi2 > limit)
         chi2 = np.where(own, free.chi2, shared.chi2)
-        weights = np.where(own, OWNW * np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast > 0.25), 1.0)
-        if weights.sum() < MIN_VISIBLE * len(weights):
+        fits = np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast > 0.25)
+        if np.where(own, fits, 1.0).mean() < MIN_VISIBLE:
             return "edge hidden"
+        weights = np.where(own, OWN_WEIGHT * fits, 1.0)
         each = np.where(own[:, None, None], free.normal, shared.normal) * weights[:, None, None]
         normal = each.sum(axis=0) + 1e-9 * np.eye(8)
         gradient = (np.where(own[:, None], free.gradient, shared.gradient) * weights[:, None]).sum(axis=0)
