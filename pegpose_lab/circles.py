@@ -541,7 +541,7 @@ _HOLD = np.diag([1e-3, 0.5, 0.5, 1.0, 1.0])  # holds centre and shape where ther
 
 def _least_score(request):
     """The least part of a circle's edge that must be seen."""
-    return 1 - request.sensitivity / 2
+    return 1.55 - request.sensitivity
 
 
 def _points_of(near, peak):

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.special import ndtr
 
 from .checks import as_image, as_number, as_points
@@ -29,16 +28,17 @@ RING = 6.0  # px on either side of the edge that take part in the fit
 QUANTISATION = 1 / 12  # variance of rounding to whole grey values
 N_RAYS, RAY_POINTS = 64, 49
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together
-MAX_STEPS = 30
+MAX_STEPS, ROUGH_STEPS = 12, 6
 STEP_TOLERANCE = 1e-3
 ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px
 REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, at which levels are set free
 MIN_VISIBLE = 0.4  # least part of the edge that has to fit
-MAX_REFITS = 3
+MAX_REFITS = 2
 SECTOR_LENGTH = 5.0  # px
 SECTOR_SIGMAS = 4.0
 OWN_EXCESS = 14.0
 OWN_WEIGHT = 0.3
+NEAR, NEAR_CHI2 = 0.7, 5.0
 ALONE, FREEZE = 3, 8
 
 
@@ -493,14 +493,14 @@ def _least_squares(pixels, ellipse, log_s):
     Returns a `_Solution` and where the equations are singular.
     """
     if pixels.x.shape[1] > 600:
-        part, *_ = _gauss_newton(pixels.every(4), ellipse, log_s, ROUGH_STEP)
+        part, *_ = _gauss_newton(pixels.every(4), ellipse, log_s, ROUGH_STEP, ROUGH_STEPS)
         ellipse, log_s = part.ellipse, part.log_s
     solution, singular, residuals = _gauss_newton(pixels, ellipse, log_s, SMALL_STEP)
     solution.noise[:] = _residual_noise(residuals, solution.count)
     return solution, singular
 
 
-def _gauss_newton(pixels, ellipse, log_s, small):
+def _gauss_newton(pixels, ellipse, log_s, small, most=MAX_STEPS):
     """Gauss-Newton with halved steps, n discs at once; B and A are solved for in every step.
 
     A disc is done when its step's squared length in its own sigmas is below STEP_TOLERANCE, when a step that
@@ -510,7 +510,7 @@ def _gauss_newton(pixels, ellipse, log_s, small):
     n, count = len(log_s), pixels.used.sum(axis=1, dtype=float)
     best, step, fraction, gain = None, np.zeros((n, 6)), np.ones(n), np.zeros(n)
     residuals, done, singular = np.empty(pixels.x.shape, np.float32), np.zeros(n, bool), np.zeros(n, bool)
-    for _ in range(MAX_STEPS):
+    for _ in range(most):
         trial = ellipse.moved(*(fraction[:, None] * step[:, :5]).T)
         trial_s = np.clip(log_s + fraction * step[:, 5], -1.5, 2.0)
         rows = _ingredients(pixels, trial, trial_s)
@@ -610,7 +610,7 @@ def _solve_scaled(normal, gradient):
     if not (scale > 1e-9).all():
         return None
     try:
-        return cho_solve(cho_factor(normal / np.outer(scale, scale)), gradient / scale) / scale
+        return np.linalg.solve(normal / np.outer(scale, scale), gradient / scale) / scale
     except np.linalg.LinAlgError:
         return None
 
@@ -629,7 +629,8 @@ def _judge(image, solution, i, start, max_chi2, max_misfit):
     covariance = variance * np.linalg.inv(solution.normal[i])[:5, :5]
     limit = 1 + REFIT_SIGMAS / np.sqrt(solution.count[i])
     if not solution.converged[i] or (variance > limit * noise**2 and abs(contrast) > noise):
-        refit = _refit(image, start, contrast, noise)
+        near = solution.converged[i] and _distance(ellipse, start) < NEAR and variance < NEAR_CHI2 * noise**2
+        refit = _refit(image, *((ellipse, np.log(s), 0) if near else (start, np.log(1.2), ALONE)), contrast, noise)
         if isinstance(refit, str):
             return _Fit(ellipse, refit, _to_axes(ellipse, covariance), variance / noise**2, contrast, s, noise)
         ellipse, covariance, variance, s = refit
@@ -650,7 +651,7 @@ def _sectors(image, ellipse):
     columns, rows = _ring_indices(ellipse, image.shape)
     number = int(np.clip(round(2 * np.pi * ellipse.r / SECTOR_LENGTH), 12, 96))
     x, y = columns - ellipse.x, rows - ellipse.y
-    sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * number).astype(int), number - 1)
+    sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * number).astype(np.uint8), number - 1)
     order = np.argsort(sector, kind="stable")
     counts = np.bincount(sector, minlength=number)
     place = np.arange(len(x)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -662,7 +663,7 @@ def _sectors(image, ellipse):
     return _Pixels(np.tile([ellipse.x, ellipse.y], (number, 1)), *filled)
 
 
-def _refit(image, start, contrast, noise):
+def _refit(image, start, log_s, alone, contrast, noise):
     """Fit again, with levels and slopes of their own, inside and outside, in those sectors that need them.
 
     Side walls, highlights and clutter change the levels around the disc.  A sector whose chi2 with the common levels
@@ -675,14 +676,14 @@ def _refit(image, start, contrast, noise):
     sectors = _sectors(image, start)
     count = sectors.used.sum(axis=1, dtype=float)
     limit = 1 + SECTOR_SIGMAS * np.sqrt(2 / np.maximum(count - 4, 1))
-    ellipse, log_s, levels, own = start, np.log(1.2), None, np.ones(len(count), bool)
+    ellipse, levels, own = start, None, np.ones(len(count), bool)
     for number in range(MAX_STEPS):
         moments = _sector_moments(sectors, ellipse, log_s)
         free = _own_levels(moments, count, noise)
-        if number <= ALONE:
+        if number <= alone:
             levels = _common_levels(free, count)
         shared = _same_levels(moments, levels, count, noise)
-        if ALONE <= number < FREEZE:
+        if alone <= number < FREEZE:
             excess = (shared.chi2 * count - free.chi2 * (count - 4)) 
             own = (excess > OWN_EXCESS) | (shared.chi2 > limit)
         chi2 = np.where(own, free.chi2, shared.chi2)
@@ -696,7 +697,7 @@ def _refit(image, start, contrast, noise):
         step = _solve_scaled(normal, gradient)
         if step is None:
             return "no edge"
-        if number > ALONE and step @ normal @ step <= 10 * STEP_TOLERANCE * noise**2:
+        if number > alone and step @ normal @ step <= 10 * STEP_TOLERANCE * noise**2:
             break
         step[:6] = _limited(step[:6], ellipse)
         ellipse, log_s = ellipse.moved(*step[:5]), float(np.clip(log_s + step[5], -1.5, 2.0))
