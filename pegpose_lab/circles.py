@@ -16,7 +16,7 @@ from .checks import as_image, as_number, as_points
 METHODS = ("multiscale", "two-stage", "phase-code", "accumulator")
 OCTAVE = 5.0  # px, smallest radius that is searched on a reduced picture; the largest is twice that, or 2.4 times
 NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of the noise, and at all
-LEAST_VOTES, LEAST_QUALITY = 0.25, 0.8  # of a candidate
+LEAST_VOTES, LEAST_QUALITY = 0.25, 1.0  # of a candidate
 ALIGNED = 0.8  # cosine of the largest angle between an edge's gradient and the direction of the centre
 BAND = 0.2  # part of the radius by which an ellipse's edge may depart from a circle
 SECTORS = 24
@@ -453,7 +453,15 @@ def _octave_peaks(edges, radii, shape):
     peaks = cv2.findNonZero(cv2.compare(votes, highest, cv2.CMP_EQ) & cv2.compare(votes, LEAST_VOTES, cv2.CMP_GT))
     if peaks is None:
         return np.empty((0, 2))
-    return np.minimum(2.0 * peaks.reshape(-1, 2) + 0.5, [shape[1] - 1, shape[0] - 1])
+    peaks = peaks.reshape(-1, 2)
+    around = cv2.copyMakeBorder(votes, 1, 1, 1, 1, cv2.BORDER_CONSTANT)
+    around = around[peaks[:, 1, None] + _ROWS, peaks[:, 0, None] + _COLUMNS]
+    total = around.sum(axis=1)
+    shift = np.stack([around @ (_COLUMNS - 1), around @ (_ROWS - 1)], axis=1) / total[:, None]
+    return np.clip(2 * (peaks + shift) + 0.5, 0, [shape[1] - 1, shape[0] - 1])
+
+
+_ROWS, _COLUMNS = np.indices((3, 3)).reshape(2, 9)
 
 
 @dataclass(frozen=True)
@@ -472,7 +480,7 @@ def _edges_near(edges, peaks, reach):
     size = int(reach) + 2
     number = np.full((edges.mask.shape[0] + 2 * size, edges.mask.shape[1] + 2 * size), -1, np.int32)
     number[edges.y + size, edges.x + size] = np.arange(len(edges.x))
-    corners = peaks.astype(int)
+    corners = np.rint(peaks).astype(int)
     patches = np.lib.stride_tricks.sliding_window_view(number, (2 * size + 1, 2 * size + 1))
     patches = patches[corners[:, 1], corners[:, 0]].reshape(len(peaks), -1)
     index, place = np.nonzero(patches >= 0)
@@ -493,7 +501,7 @@ def _best_radii(near, radii):
     np.cumsum(counts.reshape(-1, n_bins, SECTORS), axis=1, out=below[:, 1:])
     tried = np.arange(max(int(2 * radii[0]), 1), int(np.ceil(2 * radii[1])) + 1)
     quality = np.zeros((len(near.peaks), len(tried)), np.float32)
-    for band in (0.5 * BAND, BAND):
+    for band in (0, 0.5 * BAND, BAND):
         half = np.maximum(np.rint(band * tried).astype(int), 1)
         low, high = np.maximum(tried - half, 0), np.minimum(tried + half + 1, n_bins)
         quality += ((below[:, high] - below[:, low]) > 0).mean(axis=2, dtype=np.float32)
@@ -521,7 +529,7 @@ def _fit_outlines(near, peak, radius, request):
     design = np.stack([np.ones_like(cos), cos, sin, cos * cos - sin * sin, 2 * cos * sin], axis=2)
     solution = np.zeros((len(peak), 5, 1))
     solution[:, 0, 0] = radius
-    for tolerance in (BAND, 0.6 * BAND):
+    for tolerance in (BAND, 0.6 * BAND, 0.4 * BAND):
         residual = distance - (design @ solution)[:, :, 0]
         inside = np.abs(residual) <= np.maximum(tolerance * wanted, 1)
         weighted = (design * inside[:, :, None]).transpose(0, 2, 1)
