@@ -39,7 +39,8 @@ SECTOR_SIGMAS = 4.0
 OWN_EXCESS = 14.0
 OWN_WEIGHT = 0.3
 NEAR, NEAR_CHI2 = 0.7, 5.0
-ALONE, FREEZE = 3, 8
+ALONE, FREEZE = 2, 8
+LAST_STEP = 0.1  # squared length in sigmas of a step after which none is needed
 
 
 @dataclass(frozen=True)
@@ -697,13 +698,14 @@ def _refit(image, start, log_s, alone, contrast, noise):
         step = _solve_scaled(normal, gradient)
         if step is None:
             return "no edge"
-        if number > alone and step @ normal @ step <= 10 * STEP_TOLERANCE * noise**2:
-            break
+        last = number > alone and step @ normal @ step <= LAST_STEP * noise**2
         step[:6] = _limited(step[:6], ellipse)
         ellipse, log_s = ellipse.moved(*step[:5]), float(np.clip(log_s + step[5], -1.5, 2.0))
         levels = levels + step[6:]
         if _distance(ellipse, start) > RING:
             return "does not converge"
+        if last:
+            break
     else:
         return "does not converge"
     if not _inside(ellipse, image.shape):
