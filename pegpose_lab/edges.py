@@ -180,11 +180,8 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     for i in np.flatnonzero(usable & ~started):
         fits[i] = _Fit(circles[i], "no edge")
     for group in _groups(np.flatnonzero(usable & started), rows[:, 2]):
-        solution, reasons = _settle(image, starts[group])
-        for k, i in enumerate(group):
-            fits[i] = (
-                _Fit(circles[i], reasons[k]) if reasons[k] else _judge(image, solution, k, starts[i], *limits)
-            )
+        for i, fit in zip(group, _fit_group(image, circles[group], starts[group], *limits), strict=True):
+            fits[i] = fit
     return _collect(fits)
 
 
@@ -579,12 +576,7 @@ def _solve_rows(rows, ellipse, log_s, count):
     squares = np.maximum((combination * against).sum(axis=1), 0)
     scale = np.where(np.arange(8) < 6, contrast[:, None], 1.0)
     normal, gradient = moments[:, :8, :8] * (scale[:, :, None] * scale[:, None, :]), against[:, :8] * scale
-    size = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-18))
-    unit = normal / (size[:, :, None] * size[:, None, :])
-    bad = (size < 1e-4).any(axis=1) | ~(np.linalg.det(unit) > 1e-14)
-    unit[bad] = np.eye(8)
-    step = np.linalg.solve(unit, (gradient / size)[:, :, None])[:, :, 0] / size
-    step[bad] = 0
+    step, bad = _solve_scaled(normal, gradient)
     levels, unknown = np.stack([level, contrast], axis=1), np.zeros(len(count))
     solution = _Solution(ellipse, log_s, levels, normal, squares, count, unknown, unknown.copy())
     return solution, combination, scale, step, (step * gradient).sum(axis=1), bad
@@ -605,116 +597,140 @@ def _residual_noise(residuals, count):
     return noise
 
 
-def _solve_scaled(normal, gradient):
-    """Solve the normal equations scaled to a unit diagonal; None where they are singular."""
-    scale = np.sqrt(np.diag(normal))
-    if not (scale > 1e-9).all():
-        return None
-    try:
-        return np.linalg.solve(normal / np.outer(scale, scale), gradient / scale) / scale
-    except np.linalg.LinAlgError:
-        return None
-
-
 def _limited(step, ellipse):
     """Steps (..., 6) shortened so that no part of the edge moves by more than 2 px and s by more than half."""
     size = np.abs(step[..., :3]).max(axis=-1) / 2, np.abs(step[..., 3:5]).max(axis=-1) * ellipse.r / 2
     return step / np.maximum(np.maximum(*size), np.maximum(np.abs(step[..., 5]) / 0.7, 1.0))[..., None]
 
 
-def _judge(image, solution, i, start, max_chi2, max_misfit):
-    """Covariance, chi2 and the reason for a rejection; a refit by sectors from `start` where the model fails."""
-    ellipse, contrast, s = solution.ellipse[i], float(solution.levels[i, 1]), float(np.exp(solution.log_s[i]))
-    variance = max(solution.squares[i] / max(solution.count[i] - 8, 1), QUANTISATION)
-    noise = solution.noise[i]
-    covariance = variance * np.linalg.inv(solution.normal[i])[:5, :5]
-    limit = 1 + REFIT_SIGMAS / np.sqrt(solution.count[i])
-    if not solution.converged[i] or (variance > limit * noise**2 and abs(contrast) > noise):
-        near = solution.converged[i] and _distance(ellipse, start) < NEAR and variance < NEAR_CHI2 * noise**2
-        refit = _refit(image, *((ellipse, np.log(s), 0) if near else (start, np.log(1.2), ALONE)), contrast, noise)
-        if isinstance(refit, str):
-            return _Fit(ellipse, refit, _to_axes(ellipse, covariance), variance / noise**2, contrast, s, noise)
-        ellipse, covariance, variance, s = refit
-    misfit = np.sqrt(max(variance - noise**2, 0.0))
-    reason = ""
-    if abs(contrast) <= noise:
-        reason = "contrast below noise"
-    elif variance > max_chi2 * noise**2 and misfit > max_misfit * abs(contrast):
-        reason = "chi2"
-    return _Fit(ellipse, reason, _to_axes(ellipse, covariance), variance / noise**2, contrast, s, noise)
+def _fit_group(image, circles, starts, max_chi2, max_misfit):
+    """Fit some discs: the simple model, a refit by sectors where it fails, and the judgement; a list of `_Fit`."""
+    solution, reasons = _settle(image, starts)
+    ellipse, contrast, noise = solution.ellipse, solution.levels[:, 1], np.maximum(solution.noise, 1e-3)
+    variance = np.maximum(solution.squares / np.maximum(solution.count - 8, 1), QUANTISATION)
+    s, count = np.exp(solution.log_s), np.maximum(solution.count, 1)
+    fitted = reasons == ""
+    covariance = np.zeros((len(s), 5, 5))
+    covariance[fitted] = np.linalg.inv(solution.normal[fitted])[:, :5, :5] * variance[fitted, None, None]
+    fails = variance > (1 + REFIT_SIGMAS / np.sqrt(count)) * noise**2
+    again = np.flatnonzero(fitted & (~solution.converged.astype(bool) | (fails & (np.abs(contrast) > noise))))
+    if len(again):
+        near = solution.converged[again].astype(bool) & (variance[again] < NEAR_CHI2 * noise[again] ** 2)
+        near &= _distance(ellipse[again], starts[again]) < NEAR
+        refit = _refit(image, _choose(near, ellipse[again], starts[again]), contrast[again], noise[again])
+        reasons[again] = refit.reasons
+        done = refit.reasons == ""
+        ellipse[again[done]], covariance[again[done]] = refit.ellipse[done], refit.covariance[done]
+        variance[again[done]], s[again[done]] = refit.variance[done], np.exp(refit.log_s[done])
+    misfit = np.sqrt(np.maximum(variance - noise**2, 0))
+    reasons[(reasons == "") & (np.abs(contrast) <= noise)] = "contrast below noise"
+    reasons[(reasons == "") & (variance > max_chi2 * noise**2) & (misfit > max_misfit * np.abs(contrast))] = "chi2"
+    fits = [_Fit(circles[i], reasons[i]) for i in range(len(s))]
+    for i in np.flatnonzero(fitted):
+        chi2, values = float(variance[i] / noise[i] ** 2), (float(contrast[i]), float(s[i]), float(noise[i]))
+        fits[i] = _Fit(ellipse[i], reasons[i], _to_axes(ellipse[i], covariance[i]), chi2, *values)
+    return fits
+
+
+def _choose(where, first, second):
+    """The first ellipses where that is said, else the second."""
+    return _Ellipse(
+        *(np.where(where, getattr(first, name), getattr(second, name)) for name in ("x", "y", "r", "m", "angle"))
+    )
 
 
 # -------------------------------------------------------------------------------------------------- sectors
 
 
-def _sectors(image, ellipse):
-    """The ring's pixels with a row for each angular sector, of about SECTOR_LENGTH px along the edge (12 to 48)."""
-    columns, rows = _ring_indices(ellipse, image.shape)
-    number = int(np.clip(round(2 * np.pi * ellipse.r / SECTOR_LENGTH), 12, 96))
-    x, y = columns - ellipse.x, rows - ellipse.y
-    sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * number).astype(np.uint8), number - 1)
-    order = np.argsort(sector, kind="stable")
-    counts = np.bincount(sector, minlength=number)
-    place = np.arange(len(x)) - np.repeat(np.cumsum(counts) - counts, counts)
-    filled = np.zeros((4, number, counts.max()), np.float32)
-    filled[0] = ellipse.r
-    values = image[rows, columns] - image[rows, columns].mean()
+def _sectors(image, ellipses):
+    """The rings' pixels with a row for each angular sector of about SECTOR_LENGTH px, and the sectors' number."""
+    number = int(np.clip(round(2 * np.pi * ellipses.r.mean() / SECTOR_LENGTH), 12, 96))
+    rings = [_ring_indices(ellipses[i], image.shape) for i in range(len(ellipses.r))]
+    sizes = [len(columns) for columns, _ in rings]
+    disc = np.repeat(np.arange(len(rings)), sizes)
+    columns, rows = (np.concatenate(parts) for parts in zip(*rings, strict=True))
+    x, y = columns - ellipses.x[disc], rows - ellipses.y[disc]
+    sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * number).astype(int), number - 1) + number * disc
+    order = np.argsort(sector.astype(np.int16 if number * len(rings) < 2**15 else int), kind="stable")
+    counts = np.bincount(sector, minlength=number * len(rings))
+    place = sector[order] * counts.max() + np.arange(len(x)) - np.repeat(np.cumsum(counts) - counts, counts)
+    values = image.ravel().take(rows * image.shape[1] + columns).astype(np.float32)
+    values -= (np.bincount(disc, values) / sizes).astype(np.float32)[disc]
+    filled = np.zeros((4, len(counts) * counts.max()), np.float32)
+    filled[0] = ellipses.r.max()
     for row, data in zip(filled, (x, y, values, np.ones(len(x))), strict=True):
-        row[sector[order], place] = data[order]
-    return _Pixels(np.tile([ellipse.x, ellipse.y], (number, 1)), *filled)
+        row[place] = data[order]
+    filled = filled.reshape(4, len(counts), -1)
+    return _Pixels(np.repeat(np.stack([ellipses.x, ellipses.y], axis=1), number, axis=0), *filled), number
 
 
-def _refit(image, start, log_s, alone, contrast, noise):
+@dataclass
+class _Refit:
+    """Ellipses, log s, covariance of x, y, r, p, q, variance, and the reasons why there is no fit."""
+
+    ellipse: _Ellipse
+    log_s: np.ndarray
+    covariance: np.ndarray
+    variance: np.ndarray
+    reasons: np.ndarray
+
+
+def _refit(image, start, contrast, noise):
     """Fit again, with levels and slopes of their own, inside and outside, in those sectors that need them.
 
-    Side walls, highlights and clutter change the levels around the disc.  A sector whose chi2 with the common levels
-    is more than SECTOR_SIGMAS standard deviations above 1 gets a level and a slope of its own on either side; they
-    are eliminated from the normal equations.  Where that does not help either, it gets the weight
-    (limit / chi2)^2, and none if it has less than a quarter of the contrast.
-
-    Returns the ellipse, the covariance of x, y, r, p, q, the variance and s, or the reason why there is none.
+    Side walls, highlights and clutter change the levels around a disc.  A sector gets a level and a slope of its own
+    on either side if they lower its sum of squares by more than OWN_EXCESS noise variances (with
+    four more unknowns, 4 are expected), or its chi2 with the common levels is more than SECTOR_SIGMAS standard
+    deviations above 1.  The own levels are eliminated from the normal equations.  Such a sector has the weight
+    OWN_WEIGHT, because what changes the levels is seldom straight; (limit / chi2)^2 times that where its chi2 is
+    high even so, and none if it has less than a quarter of the contrast.  In the first ALONE steps all sectors
+    have levels of their own.
     """
-    sectors = _sectors(image, start)
-    count = sectors.used.sum(axis=1, dtype=float)
+    sectors, k = _sectors(image, start)
+    n, count = len(noise), sectors.used.sum(axis=1, dtype=float).reshape(-1, k)
     limit = 1 + SECTOR_SIGMAS * np.sqrt(2 / np.maximum(count - 4, 1))
-    ellipse, levels, own = start, None, np.ones(len(count), bool)
+    result = _Refit(start[np.arange(n)], np.full(n, np.log(1.2)), np.zeros((n, 5, 5)), np.zeros(n), np.full(n, "", object))
+    levels, own, active = None, np.ones((n, k), bool), np.ones(n, bool)
     for number in range(MAX_STEPS):
-        moments = _sector_moments(sectors, ellipse, log_s)
+        moments = _sector_moments(sectors, result.ellipse, result.log_s, k)
         free = _own_levels(moments, count, noise)
-        if number <= alone:
-            levels = _common_levels(free, count)
+        if number <= ALONE:
+            levels = np.stack([np.median(free.level, axis=1), np.median(free.contrast, axis=1)], axis=1)
         shared = _same_levels(moments, levels, count, noise)
-        if alone <= number < FREEZE:
-            excess = (shared.chi2 * count - free.chi2 * (count - 4)) 
-            own = (excess > OWN_EXCESS) | (shared.chi2 > limit)
-        chi2 = np.where(own, free.chi2, shared.chi2)
-        fits = np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast > 0.25)
-        if np.where(own, fits, 1.0).mean() < MIN_VISIBLE:
-            return "edge hidden"
+        if ALONE <= number < FREEZE:
+            own = (shared.chi2 * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared.chi2 > limit)
+        fits = np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast[:, None] > 0.25)
         weights = np.where(own, OWN_WEIGHT * fits, 1.0)
-        each = np.where(own[:, None, None], free.normal, shared.normal) * weights[:, None, None]
-        normal = each.sum(axis=0) + 1e-9 * np.eye(8)
-        gradient = (np.where(own[:, None], free.gradient, shared.gradient) * weights[:, None]).sum(axis=0)
-        step = _solve_scaled(normal, gradient)
-        if step is None:
-            return "no edge"
-        last = number > alone and step @ normal @ step <= LAST_STEP * noise**2
-        step[:6] = _limited(step[:6], ellipse)
-        ellipse, log_s = ellipse.moved(*step[:5]), float(np.clip(log_s + step[5], -1.5, 2.0))
-        levels = levels + step[6:]
-        if _distance(ellipse, start) > RING:
-            return "does not converge"
-        if last:
+        hidden = active & (np.where(own, fits, 1.0).mean(axis=1) < MIN_VISIBLE)
+        weights[hidden] = 1
+        each = np.where(own[:, :, None, None], free.normal, shared.normal) * weights[:, :, None, None]
+        normal = each.sum(axis=1) + 1e-9 * np.eye(8)
+        gradient = (np.where(own[:, :, None], free.gradient, shared.gradient) * weights[:, :, None]).sum(axis=1)
+        step, bad = _solve_scaled(normal, gradient)
+        result.reasons[active & bad], result.reasons[hidden] = "no edge", "edge hidden"
+        last = active & (np.einsum("ni,nij,nj->n", step, normal, step) <= LAST_STEP * noise**2) & (number > ALONE)
+        step[:, :6] = _limited(step[:, :6], result.ellipse)
+        step[~active | bad | hidden] = 0
+        result.ellipse = result.ellipse.moved(*step[:, :5].T)
+        result.log_s, levels = np.clip(result.log_s + step[:, 5], -1.5, 2.0), levels + step[:, 6:]
+        result.reasons[active & (_distance(result.ellipse, start) > RING)] = "does not converge"
+        if last.any():
+            chi2 = np.where(own, free.chi2, shared.chi2)
+            _state(result, last, normal, each, weights, chi2, count, noise)
+        active &= ~last & (result.reasons == "")
+        if not active.any():
             break
-    else:
-        return "does not converge"
-    if not _inside(ellipse, image.shape):
-        return "leaves the image"
-    bread = np.linalg.inv(normal)
-    middle = np.tensordot(weights * np.maximum(chi2, 1), each, 1) * noise**2
-    covariance = bread @ middle @ bread
-    variance = noise**2 * (weights * count) @ chi2 / (weights @ count)
-    return ellipse, covariance[:5, :5], variance, np.exp(log_s)
+    result.reasons[active] = "does not converge"
+    result.reasons[(result.reasons == "") & ~_inside(result.ellipse, image.shape)] = "leaves the image"
+    return result
+
+
+def _state(result, rows, normal, each, weights, chi2, count, noise):
+    """Set covariance and variance in some rows: sectors whose chi2 is high count as noisy as they are."""
+    bread = np.linalg.inv(normal[rows])
+    middle = np.einsum("nk,nkij->nij", (weights * np.maximum(chi2, 1))[rows], each[rows])
+    result.covariance[rows] = (bread @ middle @ bread)[:, :5, :5] * noise[rows, None, None] ** 2
+    result.variance[rows] = noise[rows] ** 2 * np.average(chi2[rows], axis=1, weights=(weights * count)[rows])
 
 
 @dataclass
@@ -728,42 +744,51 @@ class _SectorFit:
     gradient: np.ndarray
 
 
-def _sector_moments(sectors, ellipse, log_s):
-    """Sums of products (k, 11, 11) of the rows of `_ingredients` and of the distance and the distance times Phi."""
-    n = len(sectors.x)
-    many = _Ellipse(*(np.full(n, getattr(ellipse, name)) for name in ("x", "y", "r", "m", "angle")))
-    rows = _ingredients(sectors, many, np.full(n, log_s), extra=2)
-    return (rows @ rows.transpose(0, 2, 1)).astype(float)
+def _sector_moments(sectors, ellipse, log_s, k):
+    """Sums of products (n, k, 11, 11) of the rows of `_ingredients`, the distance and the distance times Phi."""
+    many = _Ellipse(*(np.repeat(getattr(ellipse, name), k) for name in ("x", "y", "r", "m", "angle")))
+    rows = _ingredients(sectors, many, np.repeat(log_s, k), extra=2)
+    return (rows @ rows.transpose(0, 2, 1)).astype(float).reshape(-1, k, 11, 11)
 
 
 def _own_levels(moments, count, noise):
     """Each sector with a level and a slope of its own on either side."""
-    own = [6, 7, 9, 10]
-    inner = moments[:, own][:, :, own] + np.diag([1e-6, 1e-6, 1e-3, 1e-3])
-    mixed = moments[:, own][:, :, [*range(6), 8]]
+    inner = moments[:, :, _OWN[:, None], _OWN] + np.diag([1e-6, 1e-6, 1e-3, 1e-3])
+    mixed = moments[:, :, _OWN[:, None], _REST]
     solved = np.linalg.solve(inner, mixed)
-    left = moments[:, [*range(6), 8]][:, :, [*range(6), 8]] - mixed.transpose(0, 2, 1) @ solved
-    contrast = solved[:, 1, 6]
-    normal, gradient = np.zeros((len(count), 8, 8)), np.zeros((len(count), 8))
-    normal[:, :6, :6] = left[:, :6, :6] * contrast[:, None, None] ** 2
-    gradient[:, :6] = left[:, :6, 6] * contrast[:, None]
-    chi2 = np.maximum(left[:, 6, 6] / np.maximum(count - 4, 1), QUANTISATION) / noise**2
-    return _SectorFit(chi2, contrast, solved[:, 0, 6], normal, gradient)
+    left = moments[:, :, _REST[:, None], _REST] - mixed.swapaxes(2, 3) @ solved
+    contrast = solved[:, :, 1, 6]
+    normal, gradient = np.zeros((*count.shape, 8, 8)), np.zeros((*count.shape, 8))
+    normal[:, :, :6, :6] = left[:, :, :6, :6] * contrast[:, :, None, None] ** 2
+    gradient[:, :, :6] = left[:, :, :6, 6] * contrast[:, :, None]
+    chi2 = np.maximum(left[:, :, 6, 6] / np.maximum(count - 4, 1), QUANTISATION) / noise[:, None] ** 2
+    return _SectorFit(chi2, contrast, solved[:, :, 0, 6], normal, gradient)
 
 
-def _common_levels(fit, count):
-    """Levels B and A that suit most sectors."""
-    return np.array([np.median(fit.level), np.median(fit.contrast)])
+_OWN, _REST = np.array([6, 7, 9, 10]), np.array([0, 1, 2, 3, 4, 5, 8])
 
 
 def _same_levels(moments, levels, count, noise):
-    """Each sector with the common levels."""
-    combination = np.array([0, 0, 0, 0, 0, 0, -levels[0], -levels[1], 1])
-    against = moments[:, :9, :9] @ combination
-    scale = np.where(np.arange(8) < 6, levels[1], 1.0)
-    chi2 = np.maximum(against @ combination / np.maximum(count, 1), QUANTISATION) / noise**2
-    normal = moments[:, :8, :8] * scale[:, None] * scale
-    return _SectorFit(chi2, np.full(len(count), levels[1]), levels[0], normal, against[:, :8] * scale)
+    """Each sector with its disc's common levels."""
+    combination = np.zeros((len(levels), 1, 9, 1))
+    combination[:, 0, 6, 0], combination[:, 0, 7, 0], combination[:, 0, 8, 0] = -levels[:, 0], -levels[:, 1], 1
+    against = (moments[:, :, :9, :9] @ combination)[..., 0]
+    scale = np.where(np.arange(8) < 6, levels[:, 1:], 1.0)[:, None]
+    squares = (against * combination[..., 0]).sum(axis=2)
+    chi2 = np.maximum(squares / np.maximum(count, 1), QUANTISATION) / noise[:, None] ** 2
+    normal = moments[:, :, :8, :8] * (scale[:, :, :, None] * scale[:, :, None, :])
+    return _SectorFit(chi2, levels[:, 1:], levels[:, :1], normal, against[:, :, :8] * scale)
+
+
+def _solve_scaled(normal, gradient):
+    """Solve n normal equations, scaled to a unit diagonal; the steps, 0 where singular, and where that is."""
+    scale = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-18))
+    unit = normal / (scale[:, :, None] * scale[:, None, :])
+    bad = (scale < 1e-6).any(axis=1) | ~(np.linalg.det(unit) > 1e-14)
+    unit[bad] = np.eye(normal.shape[1])
+    step = np.linalg.solve(unit, (gradient / scale)[:, :, None])[:, :, 0] / scale
+    step[bad] = 0
+    return step, bad
 
 
 def _to_axes(ellipse, covariance):
