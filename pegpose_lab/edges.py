@@ -38,6 +38,7 @@ SECTOR_LENGTH = 5.0  # px
 SECTOR_SIGMAS = 4.0
 OWN_EXCESS = 14.0
 OWN_WEIGHT = 0.3
+BLOCK = 3  # sectors
 NEAR, NEAR_CHI2 = 0.7, 5.0
 ALONE, FREEZE = 2, 8
 LAST_STEP = 0.1  # squared length in sigmas of a step after which none is needed
@@ -176,6 +177,8 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     usable = (rows[:, 2] >= 2) & _inside(circles, image.shape)
     for i in np.flatnonzero(~usable):
         fits[i] = _Fit(circles[i], "radius too small" if rows[i, 2] < 2 else "leaves the image")
+    if len(rows) == 0:
+        return _collect([])
     starts, started = _start(image, circles)
     for i in np.flatnonzero(usable & ~started):
         fits[i] = _Fit(circles[i], "no edge")
@@ -644,7 +647,7 @@ def _choose(where, first, second):
 
 def _sectors(image, ellipses):
     """The rings' pixels with a row for each angular sector of about SECTOR_LENGTH px, and the sectors' number."""
-    number = int(np.clip(round(2 * np.pi * ellipses.r.mean() / SECTOR_LENGTH), 12, 96))
+    number = int(np.clip(round(2 * np.pi * ellipses.r.mean() / SECTOR_LENGTH), 24, 96))
     rings = [_ring_indices(ellipses[i], image.shape) for i in range(len(ellipses.r))]
     sizes = [len(columns) for columns, _ in rings]
     disc = np.repeat(np.arange(len(rings)), sizes)
@@ -701,11 +704,13 @@ def _refit(image, start, contrast, noise):
             own = (shared.chi2 * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared.chi2 > limit)
         fits = np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast[:, None] > 0.25)
         weights = np.where(own, OWN_WEIGHT * fits, 1.0)
-        hidden = active & (np.where(own, fits, 1.0).mean(axis=1) < MIN_VISIBLE)
+        visible = np.where(own, fits * (0.5 if number > ALONE else 1), 1).mean(axis=1)
+        hidden = active & (visible < MIN_VISIBLE)
         weights[hidden] = 1
         each = np.where(own[:, :, None, None], free.normal, shared.normal) * weights[:, :, None, None]
         normal = each.sum(axis=1) + 1e-9 * np.eye(8)
-        gradient = (np.where(own[:, :, None], free.gradient, shared.gradient) * weights[:, :, None]).sum(axis=1)
+        gradients = np.where(own[:, :, None], free.gradient, shared.gradient) * weights[:, :, None]
+        gradient = gradients.sum(axis=1)
         step, bad = _solve_scaled(normal, gradient)
         result.reasons[active & bad], result.reasons[hidden] = "no edge", "edge hidden"
         last = active & (np.einsum("ni,nij,nj->n", step, normal, step) <= LAST_STEP * noise**2) & (number > ALONE)
@@ -716,7 +721,10 @@ def _refit(image, start, contrast, noise):
         result.reasons[active & (_distance(result.ellipse, start) > RING)] = "does not converge"
         if last.any():
             chi2 = np.where(own, free.chi2, shared.chi2)
-            _state(result, last, normal, each, weights, chi2, count, noise)
+            scores = np.where(own[:, :, None], gradients, 0)
+            each = np.where(own[:, :, None, None], 0, each * np.maximum(chi2, 1)[:, :, None, None])
+            _state(result, last, normal, each, scores, noise)
+            result.variance[last] = noise[last] ** 2 * np.average(chi2[last], axis=1, weights=(weights * count)[last])
         active &= ~last & (result.reasons == "")
         if not active.any():
             break
@@ -725,12 +733,18 @@ def _refit(image, start, contrast, noise):
     return result
 
 
-def _state(result, rows, normal, each, weights, chi2, count, noise):
-    """Set covariance and variance in some rows: sectors whose chi2 is high count as noisy as they are."""
+def _state(result, rows, normal, each, scores, noise):
+    """Set the covariance in some rows.
+
+    Sectors with the common levels contribute what noise explains, those with their own (`scores`) what they show:
+    what the model does not describe counts once for BLOCK neighbours, not for each pixel.
+    """
+    k = scores.shape[1]
+    blocks = scores[rows, : k // BLOCK * BLOCK].reshape(-1, k // BLOCK, BLOCK, 8).sum(axis=2)
+    middle = each[rows].sum(axis=1) * noise[rows, None, None] ** 2
+    middle += blocks.swapaxes(1, 2) @ blocks * ((k / BLOCK) / (k / BLOCK - 6))
     bread = np.linalg.inv(normal[rows])
-    middle = np.einsum("nk,nkij->nij", (weights * np.maximum(chi2, 1))[rows], each[rows])
-    result.covariance[rows] = (bread @ middle @ bread)[:, :5, :5] * noise[rows, None, None] ** 2
-    result.variance[rows] = noise[rows] ** 2 * np.average(chi2[rows], axis=1, weights=(weights * count)[rows])
+    result.covariance[rows] = (bread @ middle @ bread)[:, :5, :5]
 
 
 @dataclass

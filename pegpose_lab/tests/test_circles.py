@@ -170,8 +170,8 @@ def test_finds_discs_in_a_mask(method):
 
 def test_two_stage_radii_are_whole_and_the_others_are_not():
     image = _picture()
-    assert (find_circles(image, RANGE).radii % 1 == 0).all()
-    for method in METHODS[1:]:
+    assert (find_circles(image, RANGE, method="two-stage").radii % 1 == 0).all()
+    for method in set(METHODS) - {"two-stage"}:
         radii = find_circles(image, RANGE, method=method).radii
         assert (radii % 1 != 0).any()
 

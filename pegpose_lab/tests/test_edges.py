@@ -135,7 +135,7 @@ def test_side_walls_are_fitted_by_sectors(monkeypatch):
 
     rms, scaled, discs = rms_and_scaled()
     assert discs.accepted.all() and rms < 0.03 and scaled < 1.5
-    monkeypatch.setattr(edges, "REFIT_CHI2", np.inf)
+    monkeypatch.setattr(edges, "REFIT_SIGMAS", np.inf)
     assert rms_and_scaled()[0] > 5 * rms
 
 
@@ -163,7 +163,7 @@ def test_an_arc_is_enough_and_too_short_an_arc_is_refused():
 
 
 def test_sectors_cost_a_factor_two_where_nothing_is_wrong(monkeypatch):
-    monkeypatch.setattr(edges, "REFIT_CHI2", 0.0)
+    monkeypatch.setattr(edges, "REFIT_SIGMAS", -1e9)
     truth, discs = _measure(5, pictures=6)
     errors = _stack(discs, "centers") - truth[:, :2]
     assert np.sqrt((errors**2).mean()) < 2.2 * center_bound(R, 100, 0.9, 5)
