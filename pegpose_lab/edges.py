@@ -32,6 +32,7 @@ MAX_STEPS, ROUGH_STEPS = 12, 6
 STEP_TOLERANCE = 1e-3
 ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px
 REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, at which levels are set free
+TOLERATED = 0.01  # part of the contrast by which any sector may depart from the model
 MIN_VISIBLE = 0.4  # least part of the edge that has to fit
 MAX_REFITS = 2
 SECTOR_LENGTH = 5.0  # px
@@ -693,6 +694,7 @@ def _refit(image, start, contrast, noise):
     n, count = len(noise), sectors.used.sum(axis=1, dtype=float).reshape(-1, k)
     limit = 1 + SECTOR_SIGMAS * np.sqrt(2 / np.maximum(count - 4, 1))
     result = _Refit(start[np.arange(n)], np.full(n, np.log(1.2)), np.zeros((n, 5, 5)), np.zeros(n), np.full(n, "", object))
+    noise, tolerated = np.hypot(noise, TOLERATED * contrast), noise**2 / (noise**2 + (TOLERATED * contrast) ** 2)
     levels, own, active = None, np.ones((n, k), bool), np.ones(n, bool)
     for number in range(MAX_STEPS):
         moments = _sector_moments(sectors, result.ellipse, result.log_s, k)
@@ -702,7 +704,8 @@ def _refit(image, start, contrast, noise):
         shared = _same_levels(moments, levels, count, noise)
         if ALONE <= number < FREEZE:
             own = (shared.chi2 * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared.chi2 > limit)
-        fits = np.minimum(1, (limit / free.chi2) ** 2) * (free.contrast / contrast[:, None] > 0.25)
+        usual = np.maximum(limit, np.median(free.chi2, axis=1, keepdims=True))
+        fits = np.minimum(1, (usual / free.chi2) ** 2) * (free.contrast / contrast[:, None] > 0.25)
         weights = np.where(own, OWN_WEIGHT * fits, 1.0)
         visible = np.where(own, fits * (0.5 if number > ALONE else 1), 1).mean(axis=1)
         hidden = active & (visible < MIN_VISIBLE)
@@ -722,7 +725,7 @@ def _refit(image, start, contrast, noise):
         if last.any():
             chi2 = np.where(own, free.chi2, shared.chi2)
             scores = np.where(own[:, :, None], gradients, 0)
-            each = np.where(own[:, :, None, None], 0, each * np.maximum(chi2, 1)[:, :, None, None])
+            each = np.where(own[:, :, None, None], 0, each * np.maximum(chi2, tolerated[:, None])[:, :, None, None])
             _state(result, last, normal, each, scores, noise)
             result.variance[last] = noise[last] ** 2 * np.average(chi2[last], axis=1, weights=(weights * count)[last])
         active &= ~last & (result.reasons == "")
