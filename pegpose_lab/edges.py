@@ -27,22 +27,23 @@ from .checks import as_image, as_number, as_points
 RING = 6.0  # px on either side of the edge that take part in the fit
 QUANTISATION = 1 / 12  # variance of rounding to whole grey values
 N_RAYS, RAY_POINTS = 64, 49
-GROUP = 250  # sum of the radii (px) of the discs that are fitted together
+GROUP = 250  # sum of the radii (px) of the discs that are fitted together: their arrays stay in the cache
+PART = 4  # every so-many-th pixel is enough for the first steps, if there are LEAST_PIXELS
+LEAST_PIXELS = 600
 MAX_STEPS, ROUGH_STEPS = 12, 6
-STEP_TOLERANCE = 1e-3
-ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px
-REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, at which levels are set free
+STEP_TOLERANCE = 1e-3  # squared length, in sigmas, of a step that is not worth taking
+ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px, a step after which none is needed: on a part of the pixels, on all
+MAX_RINGS = 2
+REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, above which it is refitted by sectors
+NEAR, NEAR_CHI2 = 0.7, 5.0  # the refit starts from the simple fit if that is so near (px) and good, else from the rays
+SECTOR_LENGTH = 5.0  # px along the edge
+SECTOR_SIGMAS, OWN_EXCESS = 4.0, 14.0  # when a sector gets levels of its own, see `_refit`
+OWN_WEIGHT = 0.3  # of such a sector
+ALONE, FREEZE = 2, 8  # steps in which all sectors have levels of their own; after which none changes sides
+LAST_STEP = 0.1  # squared length, in sigmas, of a refit's step after which none is needed
 TOLERATED = 0.01  # part of the contrast by which any sector may depart from the model
-MIN_VISIBLE = 0.4  # least part of the edge that has to fit
-MAX_REFITS = 2
-SECTOR_LENGTH = 5.0  # px
-SECTOR_SIGMAS = 4.0
-OWN_EXCESS = 14.0
-OWN_WEIGHT = 0.3
-BLOCK = 3  # sectors
-NEAR, NEAR_CHI2 = 0.7, 5.0
-ALONE, FREEZE = 2, 8
-LAST_STEP = 0.1  # squared length in sigmas of a step after which none is needed
+MIN_VISIBLE = 0.4  # least part of the edge that has to fit; with levels of its own it counts half
+BLOCK = 3  # neighbouring sectors that err together
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,7 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     -------
     Discs
         A row for each circle.  Rows that are not accepted have a reason: "leaves the image",
-        "radius too small", "no edge", "does not converge", "edge hidden" (less than 40 % of it fits),
+        "radius too small", "no edge", "does not converge", "edge hidden" (less than 40 % of it fits; parts that need grey levels of their own count half),
         "contrast below noise", "chi2".  All values
         are finite, except for sigmas, covariance and chi2 (infinite) where there is no fit at all; centre
         and radius are then the circle's own.
@@ -164,10 +165,11 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
 
     Notes
     -----
-    The noise that chi2 is judged by comes from the picture: the mean absolute response of Immerkaer's
-    mask (1 -2 1; -2 4 -2; 1 -2 1), blind to planes and edges along the axes, over the ring's pixels away
-    from the edge, and never below the variance 1/12 of rounding.  The sigmas are scaled
-    by the residual of the fit itself.  For a circle the angle is undetermined; its sigma is then that
+    The noise that chi2 is judged by comes from the differences of neighbouring residuals in the ring, edges that the
+    model does not describe left out; its variance is never below that of rounding, 1/12.  Their ratio tells
+    structure from noise to 1/sqrt(number of pixels): above 1 + 5/sqrt(n) the disc is fitted again by angular sectors
+    (see `_refit`), so that highlights, walls, swarf or hidden parts spoil their own sectors only.  The sigmas
+    are scaled by the residual of the fit itself.  For a circle the angle is undetermined; its sigma is then that
     of a uniform distribution over half a turn, pi/sqrt(12).
     """
     image = as_image(image)
@@ -319,7 +321,7 @@ def _settle(image, ellipses):
     reasons[~_inside(ellipse, image.shape)] = "leaves the image"
     solution = _Solution(ellipse, log_s, np.zeros((n, 2)), np.zeros((n, 8, 8)), *np.zeros((4, n)))
     todo = np.flatnonzero(reasons == "")
-    for _ in range(MAX_REFITS if len(todo) else 0):
+    for _ in range(MAX_RINGS if len(todo) else 0):
         ring = _ring_pixels(image, ellipse[todo])
         found, singular = _least_squares(ring, ellipse[todo], log_s[todo])
         moved = _distance(ellipse[todo], found.ellipse)
@@ -393,49 +395,12 @@ def _spans(dy, a, b, cos, sin):
     return middle, np.sqrt(np.maximum(form - (dy / (a * b)) ** 2, 0)) / form
 
 
-def _geometry(x, y, ellipse):
-    """Signed distance (positive inside), its derivatives by x, y, r, p, q as rows, and the curvature.
-
-    With w = S (X - c), S = diag(e^-m, e^m) R^T, the ellipse is |w| = r; the distance is
-    (r - |w|) / |S^T w / |w||, exact for circles and in error by (d^2/r) O(m^2) for ellipses.
-    """
-    cos, sin = np.cos(ellipse.angle), np.sin(ellipse.angle)
-    grow, shrink = np.exp(ellipse.m), np.exp(-ellipse.m)
-    dx, dy = x - ellipse.x, y - ellipse.y
-    u, v = shrink * (dx * cos + dy * sin), grow * (dy * cos - dx * sin)
-    norm = np.sqrt(u * u + v * v)
-    centre = norm < 1e-6  # has no direction; any will do
-    u[centre], norm[centre] = 1e-6, 1e-6
-    u /= norm
-    v /= norm
-    along, across = shrink * u, grow * v
-    inverse = 1 / np.sqrt(along * along + across * across)
-    rows = np.empty((5, len(x)))
-    rows[0] = (along * cos - across * sin) * inverse
-    rows[1] = (along * sin + across * cos) * inverse
-    rows[2] = inverse
-    rows[3] = (u * u - v * v) * norm * inverse
-    rows[4] = 2 * u * v * norm * inverse
-    return (ellipse.r - norm) * inverse, rows, inverse**3 / ellipse.r
-
-
-def _model(x, y, ellipse, log_s):
-    """Phi and the derivatives of Phi by x, y, r, p, q, log s (rows)."""
-    s = np.exp(log_s)
-    distance, rows, curvature = _geometry(x, y, ellipse)
-    shift = 0.5 * s * curvature
-    z = distance / s - shift
-    density = np.exp(-0.5 * z * z) * (1 / (np.sqrt(2 * np.pi) * s))
-    derivatives = np.empty((6, len(x)))
-    np.multiply(rows, density, out=derivatives[:5])
-    derivatives[5] = -(z + 2 * shift) * density * s
-    return ndtr(z), derivatives
-
-
 def _ingredients(pixels, ellipse, log_s, extra=0):
     """Rows (n, 9, m): Phi's derivatives by x, y, r, p, q, log s, then 1, Phi and the grey values.
 
-    The formulas are those of `_geometry` and `_model`, for n discs at once and in float32.
+    With w = S (X - c), S = diag(e^-m, e^m) R^T, the ellipse is |w| = r; the distance is
+    (r - |w|) / |S^T w / |w||, exact for circles and in error by (d^2/r) O(m^2) for ellipses.  Two more rows, if
+    `extra` is 2: the distance, and the distance times Phi.  All in float32; Phi from a table.
     """
     column = np.stack(
         [
@@ -494,8 +459,8 @@ def _least_squares(pixels, ellipse, log_s):
 
     Returns a `_Solution` and where the equations are singular.
     """
-    if pixels.x.shape[1] > 600:
-        part, *_ = _gauss_newton(pixels.every(4), ellipse, log_s, ROUGH_STEP, ROUGH_STEPS)
+    if pixels.x.shape[1] > LEAST_PIXELS:
+        part, *_ = _gauss_newton(pixels.every(PART), ellipse, log_s, ROUGH_STEP, ROUGH_STEPS)
         ellipse, log_s = part.ellipse, part.log_s
     solution, singular, residuals = _gauss_newton(pixels, ellipse, log_s, SMALL_STEP)
     solution.noise[:] = _residual_noise(residuals, solution.count)
