@@ -39,10 +39,11 @@ NEAR, NEAR_CHI2 = 0.7, 5.0  # the refit starts from the simple fit if that is so
 SECTOR_LENGTH = 5.0  # px along the edge
 SECTOR_SIGMAS, OWN_EXCESS = 4.0, 14.0  # when a sector gets levels of its own, see `_refit`
 OWN_WEIGHT = 0.3  # of such a sector
+OWN_VISIBLE = 0.6  # what it counts as visible edge
 ALONE, FREEZE = 2, 8  # steps in which all sectors have levels of their own; after which none changes sides
 LAST_STEP = 0.1  # squared length, in sigmas, of a refit's step after which none is needed
 TOLERATED = 0.01  # part of the contrast by which any sector may depart from the model
-MIN_VISIBLE = 0.4  # least part of the edge that has to fit; with levels of its own it counts half
+MIN_VISIBLE = 0.4  # least part of the edge that has to fit
 BLOCK = 3  # neighbouring sectors that err together
 
 
@@ -153,7 +154,7 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     -------
     Discs
         A row for each circle.  Rows that are not accepted have a reason: "leaves the image",
-        "radius too small", "no edge", "does not converge", "edge hidden" (less than 40 % of it fits; parts that need grey levels of their own count half),
+        "radius too small", "no edge", "does not converge", "edge hidden" (less than 40 % of it fits; parts that need grey levels of their own count less),
         "contrast below noise", "chi2".  All values
         are finite, except for sigmas, covariance and chi2 (infinite) where there is no fit at all; centre
         and radius are then the circle's own.
@@ -672,7 +673,7 @@ def _refit(image, start, contrast, noise):
         usual = np.maximum(limit, np.median(free.chi2, axis=1, keepdims=True))
         fits = np.minimum(1, (usual / free.chi2) ** 2) * (free.contrast / contrast[:, None] > 0.25)
         weights = np.where(own, OWN_WEIGHT * fits, 1.0)
-        visible = np.where(own, fits * (0.5 if number > ALONE else 1), 1).mean(axis=1)
+        visible = np.where(own, fits * (OWN_VISIBLE if number > ALONE else 1), 1).mean(axis=1)
         hidden = active & (visible < MIN_VISIBLE)
         weights[hidden] = 1
         each = np.where(own[:, :, None, None], free.normal, shared.normal) * weights[:, :, None, None]
