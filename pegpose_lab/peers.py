@@ -23,10 +23,8 @@ import cv2
 import numpy as np
 
 from . import environment
-from .checks import DetectionError
 from .circles import find_circles
 from .edges import fit_discs
-from .segmentation import segment
 
 
 @dataclass(frozen=True)
@@ -68,12 +66,8 @@ def _rows(rows, radius_range):
 
 
 def _find_and_fit(image, radius_range):
-    """Segment, look for circles in the parts, measure them; discs that are accepted and within the range."""
-    try:
-        parts = segment(image)
-    except DetectionError:
-        return _rows([], radius_range)
-    discs = fit_discs(image, find_circles(image, radius_range, regions=parts.boxes))
+    """Find circles in the whole picture and measure them; discs that are accepted and within the range."""
+    discs = fit_discs(image, find_circles(image, radius_range))
     keep = discs.accepted & (discs.radii >= radius_range[0]) & (discs.radii <= radius_range[1])
     sigmas = np.column_stack([discs.sigmas[:, :2], radius_sigmas(discs)])
     return Found(discs.centers[keep], discs.radii[keep], sigmas[keep])
@@ -254,7 +248,7 @@ _TWO_STAGE, _PHASE_CODE, _ACCUMULATOR = (
 METHODS = {
     method.name: method
     for method in (
-        Method(OURS, _find_and_fit, "segment, find_circles in its boxes, fit_discs; defaults", **_OUR_PACKAGE),
+        Method(OURS, _find_and_fit, "find_circles in the whole picture, fit_discs; defaults", **_OUR_PACKAGE),
         Method("find_circles two-stage", _TWO_STAGE, "whole picture; defaults", 0.1, **_OUR_PACKAGE),
         Method("find_circles phase-code", _PHASE_CODE, "whole picture; defaults", 0.1, **_OUR_PACKAGE),
         Method("find_circles accumulator", _ACCUMULATOR, "whole picture; defaults", 0.04, **_OUR_PACKAGE),
