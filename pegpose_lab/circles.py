@@ -446,12 +446,13 @@ class _EdgePoints:
 
 
 def _noise_threshold(dx, dy, request):
-    """Gradient of an edge: NOISE_FACTOR times the noise's (by the median), at least LEAST_GRADIENT."""
+    """Gradient of an edge: NOISE_FACTOR times the noise's (by the quartiles: slopes do not count), at least LEAST_GRADIENT."""
     if request.edge_threshold is not None:
         return request.edge_threshold * float(np.hypot(dx.astype(np.float32), dy).max())
-    counts = cv2.calcHist([cv2.convertScaleAbs(dx[::4])], [0], None, [256], [0, 256]).ravel()
-    median = int(np.searchsorted(np.cumsum(counts), counts.sum() / 2))
-    return max(NOISE_FACTOR * 1.48 * (median + 0.5), LEAST_GRADIENT)
+    some = (dx[::4].clip(-127, 127) + 128).astype(np.uint8)
+    below = np.cumsum(cv2.calcHist([some], [0], None, [256], [0, 256]).ravel())
+    quartiles = np.searchsorted(below, [0.25 * below[-1], 0.75 * below[-1]])
+    return max(NOISE_FACTOR / 1.349 * (float(quartiles[1] - quartiles[0]) + 1), LEAST_GRADIENT)
 
 
 def _octave_peaks(edges, radii, shape):

@@ -29,7 +29,7 @@ QUANTISATION = 1 / 12  # variance of rounding to whole grey values
 N_RAYS, RAY_POINTS = 64, 49
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together: their arrays stay in the cache
 PART = 4  # every so-many-th pixel is enough for the first steps, if there are LEAST_PIXELS
-LEAST_PIXELS = 600
+LEAST_PIXELS, LEAST_RING = 600, 30
 MAX_STEPS, ROUGH_STEPS = 12, 6
 STEP_TOLERANCE = 1e-3  # squared length, in sigmas, of a step that is not worth taking
 ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px, a step after which none is needed: on a part of the pixels, on all
@@ -324,6 +324,12 @@ def _settle(image, ellipses):
     todo = np.flatnonzero(reasons == "")
     for _ in range(MAX_RINGS if len(todo) else 0):
         ring = _ring_pixels(image, ellipse[todo])
+        if ring.used.shape[1] < LEAST_RING or (ring.used.sum(axis=1) < LEAST_RING).any():
+            few = ring.used.sum(axis=1) < LEAST_RING
+            reasons[todo[few]], todo = "no edge", todo[~few]
+            if len(todo) == 0:
+                return solution, reasons
+            ring = _ring_pixels(image, ellipse[todo])
         found, singular = _least_squares(ring, ellipse[todo], log_s[todo])
         moved = _distance(ellipse[todo], found.ellipse)
         solution.update(todo, found)
@@ -519,6 +525,7 @@ def _movement(step, ellipse):
 
 def _after_last_step(solution, step, gain):
     """Solutions after a step (n, 8) so small that the linear model says what it changes."""
+    step = np.hstack([_limited(step[:, :6], solution.ellipse), step[:, 6:]])
     return _Solution(
         solution.ellipse.moved(*step[:, :5].T),
         np.clip(solution.log_s + step[:, 5], -1.5, 2.0),

@@ -242,7 +242,7 @@ def test_bad_arguments(arguments, name):
         find_circles(call.pop("image"), call.pop("radius_range"), **call)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=2000, deadline=None)
 @given(
     arrays(
         np.uint8, st.tuples(st.integers(1, 30), st.integers(1, 30)), elements=st.sampled_from([0, 9, 130, 255])
@@ -269,3 +269,47 @@ def test_promises_hold_for_any_picture(image, r_min, width, method, polarity, se
     assert np.isfinite(found.scores).all() and (np.diff(found.scores) <= 0).all()
     circle = np.column_stack([found.centers, found.radii])
     assert len(np.unique(circle, axis=0)) == len(circle)
+
+
+def test_multiscale_finds_every_octave_and_concentric_circles():
+    truth = [(150, 150, 120), (150, 150, 50), (150, 150, 20), (330, 60, 9), (330, 200, 30), (60, 330, 5), (300, 330, 14)]
+    picture = np.full((380, 400), 60.0)
+    for x, y, r in truth:
+        picture += draw_ellipses(picture.shape, [(x, y, r, r, 0)], background=0, level=40)
+    image = to_uint8(picture, 2, 0)
+    found = find_circles(image, (4, 130))
+    assert len(found) == len(truth)
+    for x, y, r in truth:
+        error = np.hypot(*(found.centers - (x, y)).T) + np.abs(found.radii - r)
+        assert error.min() < 0.06 * r + 1
+    assert len(find_circles(image, (4, 130), polarity="dark")) <= 1
+
+
+@pytest.mark.parametrize("contrast", [12.0, 120.0])
+def test_multiscale_finds_tilted_discs_in_uneven_light(contrast):
+    """Semi-axes 1 : 0.75, and a slope of brightness that exceeds the contrast of the weak ones."""
+    ellipses = [(70, 70, 32, 24, 0.4), (190, 80, 12, 9, 1.2), (90, 190, 8, 6, -0.5), (200, 190, 45, 36, 2.0)]
+    share = draw_ellipses((260, 280), ellipses, background=0, level=1)
+    image = to_uint8(40 + np.linspace(0, 80, 280) + contrast * share, 2, 0)
+    found = find_circles(image, (5, 60))
+    for x, y, a, b, _ in ellipses:
+        assert (np.hypot(*(found.centers - (x, y)).T) + np.abs(found.radii - np.sqrt(a * b))).min() < 0.15 * a + 1
+    assert len(found) == len(ellipses)
+
+
+def test_multiscale_finds_nothing_in_noise_and_does_not_need_the_whole_edge():
+    rng = np.random.default_rng(0)
+    assert len(find_circles(to_uint8(np.full((300, 400), 100.0), 10, rng), (5, 60))) == 0
+    picture = draw_ellipses((140, 140), [(70, 70, 40, 40, 0)])
+    picture[:, 95:] = 60
+    assert len(find_circles(to_uint8(picture, 2, rng), (20, 60), sensitivity=0.7)) == 0
+    found = find_circles(to_uint8(picture, 2, rng), (20, 60), sensitivity=1.0)
+    assert np.hypot(*(found.centers[0] - 70)) < 3 and abs(found.radii[0] - 40) < 3
+
+
+def test_multiscale_measures_the_same_circle_in_any_part_of_a_reduced_pixel():
+    for shift in (0.0, 1.3, 3.6, 5.9):
+        image = to_uint8(draw_ellipses((230, 240), [(110 + shift, 105 - shift, 60, 60, 0)]), 3, 0)
+        found = find_circles(image, (40, 90))
+        assert len(found) == 1
+        assert np.hypot(*(found.centers[0] - (110 + shift, 105 - shift))) < 2 and abs(found.radii[0] - 60) < 2

@@ -216,7 +216,7 @@ def test_bad_image():
         fit_discs(np.zeros((9, 9)), _circles([(4, 4)], [3]))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=2000, deadline=None)
 @given(
     arrays(np.uint8, st.tuples(st.integers(1, 40), st.integers(1, 40)), elements=st.sampled_from([0, 3, 90, 255])),
     st.floats(-5, 45),
