@@ -1,9 +1,9 @@
-"""Hough transforms for circles: multiscale, two-stage, phase coding, and the classic three-dimensional accumulator.
+"""Hough transforms for circles: two-stage, phase coding, the classic accumulator, and one for all scales.
 
 The paper finds its circles in the segmented image with MATLAB's two-stage method (Sect. 3.1, ref. 11) and
 describes the classic transform: "a circle is drawn for each edge point with a radius r".  All three
-are here, and a fourth that finds circles at any scale, tilted, blurred or unevenly lit, in a fraction of their time.
-They serve to find circles, `pegpose_lab.edges` to measure them:
+are here, and a fourth that finds circles of any size, tilted, blurred or unevenly lit, in a fraction of their
+time.  They serve to find circles, `pegpose_lab.edges` to measure them:
 
     discs = fit_discs(image, find_circles(image, (r_min, r_max)))
 """
@@ -16,7 +16,7 @@ import numpy as np
 
 from .checks import as_image, as_number, as_points
 
-METHODS = ("multiscale", "two-stage", "phase-code", "accumulator")
+METHODS = ("two-stage", "phase-code", "accumulator", "multiscale")
 OCTAVE = 5.0  # px, smallest radius that is searched on a reduced picture; the largest is twice that, or 2.4 times
 NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of the noise, and at all
 LEAST_VOTES, LEAST_QUALITY = 0.25, 1.0  # of a candidate
@@ -73,7 +73,7 @@ def find_circles(
         0 < r_min < r_max.  Radii never lie outside.  Keep r_max below 3 r_min for "two-stage" and "phase-code".
     method : {"multiscale", "two-stage", "phase-code", "accumulator"}
         "multiscale" searches each octave of radii on a picture reduced so far (by 1, 2, 4 ...) that they are 5
-        to 10 px there (all those below 10 px on the picture itself).  Edge points, thinned as Canny does, count from a
+        to 10 px there (those below 10 px on the picture itself).  Edge points, thinned as Canny does, count from a
         gradient of four standard deviations of the noise on, whatever the contrast, and vote along the gradient as
         in "two-stage".  Around each peak of the votes the radii are tried at which edge points lie all around
         (24 sectors), and an ellipse is fitted to those points.  The score is the part of the sectors with an edge
@@ -153,7 +153,7 @@ def circle_accumulator(image, radius_range, *, method="two-stage", polarity="bri
     """
     image = _as_grey(image)
     if method == "multiscale":
-        raise ValueError("method is 'multiscale', which has an accumulator for each octave; expected one of the others")
+        raise ValueError("method is 'multiscale', which has no one accumulator; expected one of the others")
     request = _as_request(radius_range, method, polarity, 0.85, edge_threshold)
     if method == "accumulator":
         edges = _thin_edges(_Gradient(image), request)
@@ -243,7 +243,7 @@ def _vote(gradient, request):
     magnitude = gradient.magnitude[y, x]
     ux = np.float32(request.sign) * gradient.dx[y, x] / magnitude
     uy = np.float32(request.sign) * gradient.dy[y, x] / magnitude
-    farthest = min(request.r_max, max(math.hypot(height, width), request.r_min))  # no vote from further falls inside
+    farthest = min(request.r_max, max(math.hypot(height, width), request.r_min))  # votes from further fall outside
     radii = request.r_min + RADIUS_STEP * np.arange(int((farthest - request.r_min) / RADIUS_STEP + 1e-9) + 1)
     weights = _weights(radii, request)
     votes = np.zeros(height * width, weights.dtype)
@@ -446,7 +446,7 @@ class _EdgePoints:
 
 
 def _noise_threshold(dx, dy, request):
-    """Gradient of an edge: NOISE_FACTOR times the noise's (by the quartiles: slopes do not count), at least LEAST_GRADIENT."""
+    """Least gradient of an edge: NOISE_FACTOR times the noise's, told by quartiles (slopes do not count)."""
     if request.edge_threshold is not None:
         return request.edge_threshold * float(np.hypot(dx.astype(np.float32), dy).max())
     some = (dx[::4].clip(-127, 127) + 128).astype(np.uint8)
@@ -549,7 +549,8 @@ def _fit_outlines(near, peak, radius, request):
         residual = distance - (design @ solution)[:, :, 0]
         inside = np.abs(residual) <= np.maximum(tolerance * wanted, 1)
         weighted = (design * inside[:, :, None]).transpose(0, 2, 1)
-        solution += np.linalg.solve(weighted @ design + _HOLD, weighted @ np.where(inside, residual, 0)[:, :, None])
+        residual = np.where(inside, residual, 0)[:, :, None]
+        solution += np.linalg.solve(weighted @ design + _HOLD, weighted @ residual)
     residual = np.abs(distance - (design @ solution)[:, :, 0])
     candidate, place = np.nonzero(residual <= np.maximum(0.1 * wanted, 1))
     sectors = candidate * SECTORS + _sector(cos[candidate, place], sin[candidate, place])
@@ -569,7 +570,7 @@ def _least_score(request):
 
 
 def _points_of(near, peak):
-    """For each candidate the indices of the edge points around its peak, in rows (n, m), and which of them count."""
+    """For each candidate the indices of the edge points around its peak, in rows (n, m), and which count."""
     starts = np.searchsorted(near.index, np.arange(len(near.peaks) + 1))
     counts = np.diff(starts)[peak]
     place = np.arange(counts.max())

@@ -34,8 +34,8 @@ MAX_STEPS, ROUGH_STEPS = 12, 6
 STEP_TOLERANCE = 1e-3  # squared length, in sigmas, of a step that is not worth taking
 ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px, a step after which none is needed: on a part of the pixels, on all
 MAX_RINGS = 2
-REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, above which it is refitted by sectors
-NEAR, NEAR_CHI2 = 0.7, 5.0  # the refit starts from the simple fit if that is so near (px) and good, else from the rays
+REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, that calls for a refit by sectors
+NEAR, NEAR_CHI2 = 0.7, 5.0  # a refit starts from the simple fit if that is so near (px) and so good
 SECTOR_LENGTH = 5.0  # px along the edge
 SECTOR_SIGMAS, OWN_EXCESS = 4.0, 14.0  # when a sector gets levels of its own, see `_refit`
 OWN_WEIGHT = 0.3  # of such a sector
@@ -94,7 +94,7 @@ class Discs:
 
 @dataclass
 class _Ellipse:
-    """Centre, radius of equal area, shape m and angle of the major axis: numbers, or arrays (n,) for n ellipses."""
+    """Centre, radius of equal area, shape m, angle of the major axis: numbers, or arrays (n,) for n ellipses."""
 
     x: np.ndarray
     y: np.ndarray
@@ -154,7 +154,8 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     -------
     Discs
         A row for each circle.  Rows that are not accepted have a reason: "leaves the image",
-        "radius too small", "no edge", "does not converge", "edge hidden" (less than 40 % of it fits; parts that need grey levels of their own count less),
+        "radius too small", "no edge", "does not converge", "edge hidden" (less than 40 % of it fits;
+        parts that need grey levels of their own count less),
         "contrast below noise", "chi2".  All values
         are finite, except for sigmas, covariance and chi2 (infinite) where there is no fit at all; centre
         and radius are then the circle's own.
@@ -166,9 +167,9 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
 
     Notes
     -----
-    The noise that chi2 is judged by comes from the differences of neighbouring residuals in the ring, edges that the
-    model does not describe left out; its variance is never below that of rounding, 1/12.  Their ratio tells
-    structure from noise to 1/sqrt(number of pixels): above 1 + 5/sqrt(n) the disc is fitted again by angular sectors
+    The noise that chi2 is judged by comes from the differences of neighbouring residuals in the ring, edges that
+    the model does not describe left out; its variance is never below that of rounding, 1/12.  Their ratio tells
+    structure from noise to 1/sqrt(number of pixels): above 1 + 5/sqrt(n) the disc is fitted again by sectors
     (see `_refit`), so that highlights, walls, swarf or hidden parts spoil their own sectors only.  The sigmas
     are scaled by the residual of the fit itself.  For a circle the angle is undetermined; its sigma is then that
     of a uniform distribution over half a turn, pi/sqrt(12).
@@ -270,9 +271,7 @@ def _start(image, circles):
 
 _STEP = np.array([1, 1, 1, 0, -1, -1, -1], np.float32)  # inside minus outside
 _TURN = np.arange(N_RAYS) * (2 * np.pi / N_RAYS)
-_RAYS = np.stack(
-    [np.ones(N_RAYS), np.cos(_TURN), np.sin(_TURN), np.cos(2 * _TURN), np.sin(2 * _TURN)], axis=1
-)
+_RAYS = np.stack([np.ones(N_RAYS), np.cos(_TURN), np.sin(_TURN), np.cos(2 * _TURN), np.sin(2 * _TURN)], axis=1)
 
 
 def _robust_solve(design, values, weights):
@@ -478,8 +477,8 @@ def _gauss_newton(pixels, ellipse, log_s, small, most=MAX_STEPS):
     """Gauss-Newton with halved steps, n discs at once; B and A are solved for in every step.
 
     A disc is done when its step's squared length in its own sigmas is below STEP_TOLERANCE, when a step that
-    moves nothing by more than `small` is taken (the rest of the way is of second order: no more than that squared),
-    or when a small one fails to improve the fit.
+    moves nothing by more than `small` is taken (the rest of the way is of second order: no more than that
+    squared), or when a small one fails to improve the fit.
     """
     n, count = len(log_s), pixels.used.sum(axis=1, dtype=float)
     best, step, fraction, gain = None, np.zeros((n, 6)), np.ones(n), np.zeros(n)
@@ -539,7 +538,7 @@ def _after_last_step(solution, step, gain):
 
 
 def _solve_rows(rows, ellipse, log_s, count):
-    """From `_ingredients`: the solution's values; the residual as a linear combination (n, 9) of the rows; the next
+    """From `_ingredients`: the solution; the residual as a linear combination (n, 9) of the rows; the next
     step (n, 8), how much it gains, and where it is undefined.
     """
     moments = (rows @ rows.transpose(0, 2, 1)).astype(float)
@@ -655,8 +654,8 @@ class _Refit:
 def _refit(image, start, contrast, noise):
     """Fit again, with levels and slopes of their own, inside and outside, in those sectors that need them.
 
-    Side walls, highlights and clutter change the levels around a disc.  A sector gets a level and a slope of its own
-    on either side if they lower its sum of squares by more than OWN_EXCESS noise variances (with
+    Side walls, highlights and clutter change the levels around a disc.  A sector gets a level and a slope of its
+    own on either side if they lower its sum of squares by more than OWN_EXCESS noise variances (with
     four more unknowns, 4 are expected), or its chi2 with the common levels is more than SECTOR_SIGMAS standard
     deviations above 1.  The own levels are eliminated from the normal equations.  Such a sector has the weight
     OWN_WEIGHT, because what changes the levels is seldom straight; (limit / chi2)^2 times that where its chi2 is
@@ -666,7 +665,8 @@ def _refit(image, start, contrast, noise):
     sectors, k = _sectors(image, start)
     n, count = len(noise), sectors.used.sum(axis=1, dtype=float).reshape(-1, k)
     limit = 1 + SECTOR_SIGMAS * np.sqrt(2 / np.maximum(count - 4, 1))
-    result = _Refit(start[np.arange(n)], np.full(n, np.log(1.2)), np.zeros((n, 5, 5)), np.zeros(n), np.full(n, "", object))
+    result = _Refit(start[np.arange(n)], np.full(n, np.log(1.2)), np.zeros((n, 5, 5)), np.zeros(n), None)
+    result.reasons = np.full(n, "", object)
     noise, tolerated = np.hypot(noise, TOLERATED * contrast), noise**2 / (noise**2 + (TOLERATED * contrast) ** 2)
     levels, own, active = None, np.ones((n, k), bool), np.ones(n, bool)
     for number in range(MAX_STEPS):
@@ -674,19 +674,14 @@ def _refit(image, start, contrast, noise):
         free = _own_levels(moments, count, noise)
         if number <= ALONE:
             levels = np.stack([np.median(free.level, axis=1), np.median(free.contrast, axis=1)], axis=1)
-        shared = _same_levels(moments, levels, count, noise)
+        shared = _same_chi2(moments, levels, count, noise)
         if ALONE <= number < FREEZE:
-            own = (shared.chi2 * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared.chi2 > limit)
-        usual = np.maximum(limit, np.median(free.chi2, axis=1, keepdims=True))
-        fits = np.minimum(1, (usual / free.chi2) ** 2) * (free.contrast / contrast[:, None] > 0.25)
-        weights = np.where(own, OWN_WEIGHT * fits, 1.0)
+            own = (shared * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared > limit)
+        fits = _share_that_fits(free, limit, contrast)
         visible = np.where(own, fits * (OWN_VISIBLE if number > ALONE else 1), 1).mean(axis=1)
         hidden = active & (visible < MIN_VISIBLE)
-        weights[hidden] = 1
-        each = np.where(own[:, :, None, None], free.normal, shared.normal) * weights[:, :, None, None]
-        normal = each.sum(axis=1) + 1e-9 * np.eye(8)
-        gradients = np.where(own[:, :, None], free.gradient, shared.gradient) * weights[:, :, None]
-        gradient = gradients.sum(axis=1)
+        weights = np.where(hidden[:, None] | ~own, 1, OWN_WEIGHT * fits)
+        normal, gradient, scores = _sector_equations(moments, levels, free, own, weights)
         step, bad = _solve_scaled(normal, gradient)
         result.reasons[active & bad], result.reasons[hidden] = "no edge", "edge hidden"
         last = active & (np.einsum("ni,nij,nj->n", step, normal, step) <= LAST_STEP * noise**2) & (number > ALONE)
@@ -696,11 +691,11 @@ def _refit(image, start, contrast, noise):
         result.log_s, levels = np.clip(result.log_s + step[:, 5], -1.5, 2.0), levels + step[:, 6:]
         result.reasons[active & (_distance(result.ellipse, start) > RING)] = "does not converge"
         if last.any():
-            chi2 = np.where(own, free.chi2, shared.chi2)
-            scores = np.where(own[:, :, None], gradients, 0)
-            each = np.where(own[:, :, None, None], 0, each * np.maximum(chi2, tolerated[:, None])[:, :, None, None])
-            _state(result, last, normal, each, scores, noise)
-            result.variance[last] = noise[last] ** 2 * np.average(chi2[last], axis=1, weights=(weights * count)[last])
+            chi2 = np.where(own, free.chi2, shared)
+            known = np.where(own, 0, np.maximum(chi2, tolerated[:, None]))
+            _state(result, last, normal, _common_normal(moments, levels, known)[:, :8, :8], scores, noise)
+            usual = np.average(chi2, axis=1, weights=np.maximum(weights * count, 1e-9))
+            result.variance[last] = (noise**2 * usual)[last]
         active &= ~last & (result.reasons == "")
         if not active.any():
             break
@@ -709,29 +704,61 @@ def _refit(image, start, contrast, noise):
     return result
 
 
-def _state(result, rows, normal, each, scores, noise):
+def _state(result, rows, normal, middle, scores, noise):
     """Set the covariance in some rows.
 
     Sectors with the common levels contribute what noise explains, those with their own (`scores`) what they show:
     what the model does not describe counts once for BLOCK neighbours, not for each pixel.
     """
     k = scores.shape[1]
-    blocks = scores[rows, : k // BLOCK * BLOCK].reshape(-1, k // BLOCK, BLOCK, 8).sum(axis=2)
-    middle = each[rows].sum(axis=1) * noise[rows, None, None] ** 2
-    middle += blocks.swapaxes(1, 2) @ blocks * ((k / BLOCK) / (k / BLOCK - 6))
+    blocks = scores[rows, : k // BLOCK * BLOCK].reshape(-1, k // BLOCK, BLOCK, 6).sum(axis=2)
+    middle = middle[rows] * noise[rows, None, None] ** 2
+    middle[:, :6, :6] += blocks.swapaxes(1, 2) @ blocks * ((k / BLOCK) / (k / BLOCK - 6))
     bread = np.linalg.inv(normal[rows])
     result.covariance[rows] = (bread @ middle @ bread)[:, :5, :5]
 
 
+def _share_that_fits(free, limit, contrast):
+    """1 for sectors that fit with levels of their own, less for those that do not, 0 where there is no edge."""
+    usual = np.maximum(limit, np.median(free.chi2, axis=1, keepdims=True))
+    return np.minimum(1, (usual / free.chi2) ** 2) * (free.contrast / contrast[:, None] > 0.25)
+
+
+def _sector_equations(moments, levels, free, own, weights):
+    """Normal equations of x, y, r, p, q, log s, B, A: matrices (n, 8, 8), gradients (n, 8), and the part
+    (n, k, 6) of these that each sector with levels of its own contributes."""
+    alone = np.where(own, weights, 0)
+    scores = (alone * free.contrast)[:, :, None] * free.left[:, :, :6, 6]
+    normal = _common_normal(moments, levels, np.where(own, 0, 1.0)) + 1e-9 * np.eye(9)
+    normal[:, :6, :6] += _weighted_sum(alone * free.contrast**2, free.left)[:, :6, :6]
+    normal[:, :6, 8] += scores.sum(axis=1)
+    return normal[:, :8, :8], normal[:, :8, 8], scores
+
+
 @dataclass
 class _SectorFit:
-    """By sector: chi2, contrast, normal matrix and gradient of (x, y, r, p, q, log s, B, A)."""
+    """Sectors (n, k) with levels of their own: chi2, contrast, level outside, and what is `left` (n, k, 7, 7) of
+    the sums of products of Phi's derivatives and of the grey values when these are eliminated."""
 
     chi2: np.ndarray
     contrast: np.ndarray
     level: np.ndarray
-    normal: np.ndarray
-    gradient: np.ndarray
+    left: np.ndarray
+
+
+def _weighted_sum(weights, matrices):
+    """Sums over the sectors of matrices (n, k, i, j) with weights (n, k)."""
+    n, k, *shape = matrices.shape
+    return (weights[:, None] @ matrices.reshape(n, k, -1))[:, 0].reshape(n, *shape)
+
+
+def _common_normal(moments, levels, weights):
+    """Sums (n, 9, 9) of products of the derivatives and the residual, with common levels."""
+    change = np.zeros((len(levels), 9, 9))
+    change[:, range(6), range(6)] = levels[:, 1:]
+    change[:, range(6, 9), range(6, 9)] = 1
+    change[:, 8, 6:8] = -levels
+    return change @ _weighted_sum(weights, moments)[:, :9, :9] @ change.swapaxes(1, 2)
 
 
 def _sector_moments(sectors, ellipse, log_s, k):
@@ -747,27 +774,18 @@ def _own_levels(moments, count, noise):
     mixed = moments[:, :, _OWN[:, None], _REST]
     solved = np.linalg.solve(inner, mixed)
     left = moments[:, :, _REST[:, None], _REST] - mixed.swapaxes(2, 3) @ solved
-    contrast = solved[:, :, 1, 6]
-    normal, gradient = np.zeros((*count.shape, 8, 8)), np.zeros((*count.shape, 8))
-    normal[:, :, :6, :6] = left[:, :, :6, :6] * contrast[:, :, None, None] ** 2
-    gradient[:, :, :6] = left[:, :, :6, 6] * contrast[:, :, None]
     chi2 = np.maximum(left[:, :, 6, 6] / np.maximum(count - 4, 1), QUANTISATION) / noise[:, None] ** 2
-    return _SectorFit(chi2, contrast, solved[:, :, 0, 6], normal, gradient)
+    return _SectorFit(chi2, solved[:, :, 1, 6], solved[:, :, 0, 6], left)
 
 
 _OWN, _REST = np.array([6, 7, 9, 10]), np.array([0, 1, 2, 3, 4, 5, 8])
 
 
-def _same_levels(moments, levels, count, noise):
-    """Each sector with its disc's common levels."""
-    combination = np.zeros((len(levels), 1, 9, 1))
-    combination[:, 0, 6, 0], combination[:, 0, 7, 0], combination[:, 0, 8, 0] = -levels[:, 0], -levels[:, 1], 1
-    against = (moments[:, :, :9, :9] @ combination)[..., 0]
-    scale = np.where(np.arange(8) < 6, levels[:, 1:], 1.0)[:, None]
-    squares = (against * combination[..., 0]).sum(axis=2)
-    chi2 = np.maximum(squares / np.maximum(count, 1), QUANTISATION) / noise[:, None] ** 2
-    normal = moments[:, :, :8, :8] * (scale[:, :, :, None] * scale[:, :, None, :])
-    return _SectorFit(chi2, levels[:, 1:], levels[:, :1], normal, against[:, :, :8] * scale)
+def _same_chi2(moments, levels, count, noise):
+    """Chi2 (n, k) of sectors with their disc's common levels."""
+    combination = np.stack([-levels[:, 0], -levels[:, 1], np.ones(len(levels))], axis=1)[:, None]
+    squares = ((moments[:, :, 6:9, 6:9] @ combination[..., None])[..., 0] * combination).sum(axis=2)
+    return np.maximum(squares / np.maximum(count, 1), QUANTISATION) / noise[:, None] ** 2
 
 
 def _solve_scaled(normal, gradient):

@@ -82,8 +82,8 @@ def count_circles():
     Returns
     -------
     DataFrame
-        A row for each picture: dataset, picture, r_min, r_max, polarity; known: how many discs there are; found: how
-        many of them; false: circles that belong to none; measured: how many of those found `fit_discs`
+        A row for each picture: dataset, picture, r_min, r_max, polarity; known: how many discs there are; found:
+        how many of them; false: circles that belong to none; measured: how many of those found `fit_discs`
         accepts, which models an even disc on even ground and says of every other why not.
 
     Raises
@@ -103,7 +103,7 @@ def count_circles():
             rows.append(
                 (name, path.name, *radii, polarity, number, len(found), len(circles) - len(found), accepted)
             )
-    columns = "dataset picture r_min r_max polarity known found false measured".split()
+    columns = ["dataset", "picture", "r_min", "r_max", "polarity", "known", "found", "false", "measured"]
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -132,10 +132,11 @@ def load_counts(path=FOLDER / COUNTS_FILE):
 
 
 def write_measured(folder=FOLDER):
-    """Measure everything anew and write it below `folder`; see `measure_corners` and `count_circles` for the errors."""
+    """Measure everything anew and write it below `folder`; errors as in `measure_corners` and `count_circles`."""
     with replacing(folder / COUNTS_FILE) as path:
         table = count_circles().to_csv(index=False, lineterminator="\n")
-        path.write_text(f"# circles found in photographs with known counts; made by: {COMMAND}\n{table}", encoding="utf-8")
+        comment = f"# circles found in photographs with known counts; made by: {COMMAND}\n"
+        path.write_text(comment + table, encoding="utf-8")
     comment = (
         f"corners by find_corners in OpenCV's left01..left14.jpg ({LEFT_SIZE[0]} x {LEFT_SIZE[1]} px), board of "
         f"{LEFT_BOARD.columns} x {LEFT_BOARD.rows} corners, X Y in mm, u v in px; made by: {COMMAND}"
