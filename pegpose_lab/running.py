@@ -39,18 +39,20 @@ class NotebookError(RuntimeError):
     """A notebook did not run to its end; the message names it and shows the failing cell."""
 
 
-def reproduce(notebooks, output, *, known_results=None, cell_timeout=600, update=False):
+def reproduce(notebooks, output, *, known_results=None, known="*", cell_timeout=600, update=False):
     """Run notebooks and move their figures and results below `output`.
 
     Parameters
     ----------
     notebooks : list of Path
-        They run two at a time in this order; those numbered 08 and up after all others, whose results
+        They run two at a time in this order; those numbered 07 and up after all others, whose results
         they read.
     output : Path
         The folder whose ``figures`` and ``data/results`` are written, after the last notebook.
     known_results : Path, optional
-        Results of notebooks that are not run, for those that read them.
+        Folder of results that are not made by these notebooks, for those that read them.
+    known : str
+        Pattern of the names of these results.
     cell_timeout : float
         The time that a single cell may take, in s.
     update : bool
@@ -61,7 +63,7 @@ def reproduce(notebooks, output, *, known_results=None, cell_timeout=600, update
     NotebookError
         If a notebook fails; `output` and the notebooks are then as they were.
     """
-    with scratch_output(known_results) as scratch:
+    with scratch_output(known_results, known) as scratch:
         executed = _execute_all(notebooks, scratch, cell_timeout)
         _publish(scratch, Path(output))
     if update:
@@ -71,13 +73,13 @@ def reproduce(notebooks, output, *, known_results=None, cell_timeout=600, update
 
 
 @contextmanager
-def scratch_output(known_results=None):
-    """A temporary folder to be named by ``PEGPOSE_OUTPUT``, holding a copy of known results."""
+def scratch_output(known_results=None, known="*"):
+    """A temporary folder to be named by ``PEGPOSE_OUTPUT``, holding copies of known results of that pattern."""
     with tempfile.TemporaryDirectory(prefix="pegpose_", ignore_cleanup_errors=True) as folder:
         for name in FOLDERS:
             Path(folder, name).mkdir(parents=True)
-        if known_results is not None and Path(known_results).is_dir():
-            shutil.copytree(known_results, Path(folder, "data/results"), dirs_exist_ok=True)
+        for path in Path(known_results).glob(known) if known_results is not None else ():
+            shutil.copy(path, Path(folder, "data/results"))
         yield Path(folder)
 
 
