@@ -29,7 +29,7 @@ from tqdm import tqdm
 from .results import replacing
 
 WORKERS = 2
-FIRST_READER = 7  # from this number on notebooks read the results of the earlier ones
+READS = {"07": "06"}  # numbers of notebooks that read the results of another, and of that
 FOLDERS = ("figures", "data/results")
 
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
@@ -45,8 +45,7 @@ def reproduce(notebooks, output, *, known_results=None, known="*", cell_timeout=
     Parameters
     ----------
     notebooks : list of Path
-        They run two at a time in this order; those numbered 07 and up after all others, whose results
-        they read.
+        They run two at a time; one that reads another's results (`READS`) after that.
     output : Path
         The folder whose ``figures`` and ``data/results`` are written, after the last notebook.
     known_results : Path, optional
@@ -87,19 +86,18 @@ def scratch_output(known_results=None, known="*"):
 
 
 def _execute_all(paths, scratch, cell_timeout):
-    """Execute notebooks, readers last; return them in the order of `paths`."""
+    """Execute notebooks, those that are read first and readers last; return them in the order of `paths`."""
     notebooks = {path: nbformat.read(path, as_version=4) for path in paths}
     cells = sum(cell.cell_type == "code" for notebook in notebooks.values() for cell in notebook.cells)
     with tqdm(total=cells, unit="cell", desc="notebooks", disable=None) as bar:
         crew = _Crew(scratch, cell_timeout, bar)
-        for late in (False, True):
-            crew.run({path: notebook for path, notebook in notebooks.items() if _is_reader(path) == late})
+        crew.run({path: notebooks[path] for path in sorted(paths, key=_turn)})
     return list(notebooks.values())
 
 
-def _is_reader(path):
-    number = re.match(r"\d+", path.name)
-    return number is not None and int(number[0]) >= FIRST_READER
+def _turn(path):
+    """0 for notebooks whose results are read, 2 for those that read, 1 for all others."""
+    return 0 if path.name[:2] in READS.values() else 2 if path.name[:2] in READS else 1
 
 
 class _OwnPython(KernelSpecManager):
@@ -120,19 +118,23 @@ class _Crew:
         self.managers = []
 
     def run(self, notebooks):
-        """Execute ``{path: notebook}`` in place."""
+        """Execute ``{path: notebook}`` in place, in this order."""
         with ThreadPoolExecutor(WORKERS) as pool:
-            jobs = [pool.submit(self._execute, path, notebook) for path, notebook in notebooks.items()]
+            jobs = {}
+            for path, notebook in notebooks.items():
+                jobs[path.name[:2]] = pool.submit(self._execute, path, notebook, jobs.get(READS.get(path.name[:2])))
             try:
-                for job in as_completed(jobs):
+                for job in as_completed(jobs.values()):
                     job.result()
             except BaseException:
                 pool.shutdown(wait=False, cancel_futures=True)
                 self._stop()
                 raise
 
-    def _execute(self, path, notebook):
-        """Execute one notebook; raise NotebookError with all there is to say if it fails."""
+    def _execute(self, path, notebook, source=None):
+        """Execute one notebook, after `source`; raise NotebookError with all there is to say if it fails."""
+        if source is not None:
+            source.result()
         manager = AsyncKernelManager(kernel_spec_manager=_OwnPython())
         self.managers.append(manager)
         client = NotebookClient(

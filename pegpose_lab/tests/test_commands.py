@@ -313,12 +313,12 @@ def old_output(tmp_path):
 
 def test_two_runs_leave_the_same_bytes(tmp_path):
     early = _notebook(
-        tmp_path / "notebooks" / "01_early.ipynb",
+        tmp_path / "notebooks" / "06_early.ipynb",
         WRITE + "(folder / 'data/results/early.csv').write_text('x\\n2\\n')",
         "for k in range(3):\n    print(k, flush=True)",
     )
     reader = _notebook(
-        tmp_path / "notebooks" / "08_reader.ipynb",
+        tmp_path / "notebooks" / "07_reader.ipynb",
         WRITE + "(folder / 'figures/late.png').write_bytes((folder / 'data/results/early.csv').read_bytes())",
         "import sys\nprint(sys.prefix)",
         "import uuid\nwidget = {'application/vnd.jupyter.widget-view+json': {'model_id': uuid.uuid4().hex}}\n"
