@@ -153,15 +153,7 @@ def _few_labels(white):
 def _split_white(image, mask, parts, least, step, depth=MAX_DEPTH):
     """Split bimodal white parts, in place in `mask`; the thresholds used."""
     levels = []
-    for number, box in enumerate(parts.boxes, 1):
-        if depth == 0 or parts.areas[number - 1] < 2 * least:
-            continue
-        window = _window(box, image.shape)
-        inside = cv2.compare(parts.labels[window], number, cv2.CMP_EQ)
-        split = _bimodal_split(_inner_counts(image[window], inside), step)
-        if split is None:
-            continue
-        brighter = inside & cv2.compare(image[window], split.threshold, cv2.CMP_GT)
+    for window, inside, split, brighter in _bimodal_parts(image, parts, least, step) if depth > 0 else ():
         found = _components(brighter, least)
         if len(found.areas) > 1 or (
             len(found.areas) == 1 and _stands_out(image[window], mask[window], inside, split)
@@ -183,21 +175,26 @@ def _split_black(image, mask, level, least, step):
         return []
     levels, parts = [], _components(cv2.bitwise_not(mask), least)
     near_white = cv2.dilate(mask, np.ones((3, 3), np.uint8))
-    for number, box in enumerate(parts.boxes, 1):
-        if parts.areas[number - 1] < 2 * least:
-            continue
-        window = _window(box, image.shape)
-        inside = cv2.compare(parts.labels[window], number, cv2.CMP_EQ)
-        split = _bimodal_split(_inner_counts(image[window], inside), step)
-        if split is None:
-            continue
-        found = _components(inside & cv2.compare(image[window], split.threshold, cv2.CMP_GT), least)
+    for window, _, split, brighter in _bimodal_parts(image, parts, least, step):
+        found = _components(brighter, least)
         islands = _untouched(found, near_white[window])
         if islands.any():
             mask[window] |= islands
             inner = _components(islands, least)
             levels += [split.threshold, *_split_white(image[window], mask[window], inner, least, step)]
     return levels
+
+
+def _bimodal_parts(image, parts, least, step):
+    """For each part to be split: its window, its pixels there, the split, and those of them above it."""
+    for number, box in enumerate(parts.boxes, 1):
+        if parts.areas[number - 1] < 2 * least:
+            continue
+        window = _window(box, image.shape)
+        inside = cv2.compare(parts.labels[window], number, cv2.CMP_EQ)
+        split = _bimodal_split(_inner_counts(image[window], inside), step)
+        if split is not None:
+            yield window, inside, split, inside & cv2.compare(image[window], split.threshold, cv2.CMP_GT)
 
 
 def _untouched(found, near_white):
