@@ -335,3 +335,22 @@ def _as_size(size):
     if width != int(width) or height != int(height):
         raise ValueError(f"image_size is {size}; expected whole numbers (width, height)")
     return int(width), int(height)
+
+
+def demand_tsai(camera):
+    """Raise ValueError if the camera is not a `TsaiCamera`."""
+    if not isinstance(camera, TsaiCamera):
+        raise ValueError(f"camera is {type(camera).__name__}; expected a TsaiCamera")
+
+
+def left_jacobian(rotation_vector):
+    """J with exp(v + dv) = exp(J dv) exp(v) for rotation vectors v."""
+    angle = np.linalg.norm(rotation_vector)
+    cross = np.cross(np.eye(3), rotation_vector)  # [v]_x, antisymmetric
+    if angle < 1e-4:
+        return np.eye(3) + cross / 2 + cross @ cross / 6
+    return (
+        np.eye(3)
+        + (1 - np.cos(angle)) / angle**2 * cross
+        + (angle - np.sin(angle)) / angle**3 * cross @ cross
+    )

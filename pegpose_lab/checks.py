@@ -95,3 +95,27 @@ def as_pose(pose, name):
     if not isinstance(pose, RigidTransform) or not pose.single:
         raise ValueError(f"{name} is {type(pose).__name__}; expected one scipy RigidTransform")
     return pose
+
+
+def as_views(object_points, image_points, minimum):
+    """Return the points of several views as two lists of checked arrays, (n, 3) and (n, 2), one entry a view.
+
+    Raises
+    ------
+    ValueError
+        If they are no such lists, a view has fewer than `minimum` points, or its points lie on a line.
+    """
+    for views, name in ((object_points, "object_points"), (image_points, "image_points")):
+        if not hasattr(views, "__len__") or isinstance(views, str) or len(views) == 0 or np.ndim(views[0]) != 2:
+            raise ValueError(f"{name} is not a sequence of arrays, one for each view")
+    if len(object_points) != len(image_points):
+        raise ValueError(
+            f"object_points has {len(object_points)} views and image_points {len(image_points)}; expected as many"
+        )
+    pairs = [as_matched_points(*view, minimum) for view in zip(object_points, image_points, strict=True)]
+    for points, measured in pairs:
+        for array, name in ((points, "object_points"), (measured, "image_points")):
+            singular = np.linalg.svd(array - array.mean(axis=0), compute_uv=False)
+            if singular[1] <= 1e-6 * singular[0]:
+                raise ValueError(f"{name} of shape {array.shape} lie on one line; expected a spread of points")
+    return [[np.ascontiguousarray(view) for view in views] for views in zip(*pairs, strict=True)]  # for OpenCV

@@ -35,7 +35,7 @@ CALIBRATION_STEPS = (
     ("Boards", "checkerboard, several orientations", "targets.py  render.py"),
     ("Corners", "sub-pixel, row by row", "corners.py"),
     ("Stage 1", "linear: $R$, $T_x$, $T_y$; first $f$, $T_z$", "tsai.py"),
-    ("Stage 2", "genetic: $f$, $T_z$; $k_1$ (Eqs. 4$-$10)", "genetic.py  calibration.py"),
+    ("Stage 2", "genetic: $f$, $T_z$; $k_1$ (Eqs. 4$-$10)", "genetic.py  two_stage.py"),
     ("Camera", "a pixel to a ray, and back (Eq. 3)", "camera.py"),
 )
 FRAME_STEPS = (

@@ -19,15 +19,10 @@ from pegpose_lab import (
     calibrate_tsai,
     calibrate_zhang,
 )
-from pegpose_lab.calibration import (
-    TwoStageObjective,
-    _covariance,
-    _JointProblem,
-    _pose_names,
-    kappa1_per_point,
-    kappa1_shared,
-)
+from pegpose_lab.calibration import covariance_table, pose_names
 from pegpose_lab.experiment import paper_experiment, paper_pose
+from pegpose_lab.joint import _JointProblem
+from pegpose_lab.two_stage import TwoStageObjective, kappa1_per_point, kappa1_shared
 
 EXPERIMENT = paper_experiment()
 CAMERA = EXPERIMENT.camera
@@ -366,16 +361,16 @@ def test_joint_derivatives_are_exact():
 def test_covariance_is_that_of_a_linear_fit():
     """sigma^2 (J^T J)^-1 with the residuals' n - p degrees of freedom, badly scaled columns or not."""
     jacobian = np.random.default_rng(0).standard_normal((9, 7)) * [1, 1e6, 1e-6, 1, 1, 1, 1]
-    names = ["a", *_pose_names(1)]
-    covariance = _covariance(jacobian, 6.0, names)
+    names = ["a", *pose_names(1)]
+    covariance = covariance_table(jacobian, 6.0, names)
     scaled = jacobian / [1, 1e6, 1e-6, 1, 1, 1, 1]
     expected = 3.0 * np.linalg.inv(scaled.T @ scaled)
     assert covariance.loc["a", "a"] == pytest.approx(expected[0, 0])
     assert covariance.loc["rx_0", "ry_0"] == pytest.approx(expected[1, 2])
     with pytest.raises(CalibrationError, match="cannot determine"):
-        _covariance(jacobian[:7], 6.0, names)
+        covariance_table(jacobian[:7], 6.0, names)
     with pytest.raises(CalibrationError, match="do not determine all of a:"):
-        _covariance(np.column_stack([jacobian[:, :6], jacobian[:, 0]]), 6.0, names)
+        covariance_table(np.column_stack([jacobian[:, :6], jacobian[:, 0]]), 6.0, names)
 
 
 def test_joint_and_zhang_agree_on_the_same_model():

@@ -7,7 +7,7 @@ from IPython.display import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import widgets
-from pegpose_lab.calibration import PENALTY
+from pegpose_lab.two_stage import PENALTY
 from pegpose_lab.camera import OpenCVCamera, TsaiCamera
 from pegpose_lab.render import render_hub
 from pegpose_lab.targets import Hub

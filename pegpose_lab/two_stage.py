@@ -1,0 +1,304 @@
+r"""The paper's two stages for one view: Tsai's linear solution, then a genetic algorithm on (f, T_z).
+
+Stage 1 is `calibrate_tsai` (the algebra is in `tsai`), stage 2 `calibrate_genetic` (the algorithm is in
+`genetic`); between them lies `TwoStageObjective`, Eqs. 6 and 7 for many chromosomes at once.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from .calibration import MINIMUM_POINTS, Calibration
+from .camera import demand_tsai, distort_radius, max_undistorted_radius
+from .checks import CalibrationError, as_matched_points, as_number
+from .genetic import minimize_genetic
+from .tsai import is_planar, solve_coplanar, solve_noncoplanar
+
+BOX = 0.25
+"""Half-width of stage 2's box, as a fraction of the linear f and T_z (Eq. 5)."""
+
+EDGE = 1e-3
+"""A solution within this fraction of the box's width of its edge is said to sit on the edge."""
+
+OVERSHOOT = 1e3
+"""Added to the objective, px, per fraction of the box's width by which a chromosome's f leaves it."""
+
+PENALTY = 1e6
+"""Objective, px, of a chromosome for which a point lies behind the camera or has no image."""
+
+
+def calibrate_tsai(object_points, image_points, camera):
+    """Stage 1: Tsai's linear calibration of one view, without distortion (Table 1, "linear").
+
+    Parameters
+    ----------
+    object_points : (n, 3) array_like
+        mm.  One z for all (a board in its own frame, n >= 5): `solve_coplanar`; else (n >= 7)
+        `solve_noncoplanar`, which also corrects scale_x.
+    image_points : (n, 2) array_like
+        px.
+    camera : TsaiCamera
+        Gives pixel pitch, principal point, image size and scale_x; its f and kappa1 are not used.
+
+    Returns
+    -------
+    Calibration
+        With kappa1 = 0, and flags if the view hardly determines f.
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable.
+    CalibrationError
+        If the view does not determine f, for instance a plane seen from straight ahead.
+    """
+    object_points, image_points = as_matched_points(object_points, image_points, MINIMUM_POINTS)
+    demand_tsai(camera)
+    solve = solve_coplanar if is_planar(object_points) else solve_noncoplanar
+    solution = solve(object_points, camera.to_sensor(image_points))
+    camera = replace(
+        camera, focal_length=solution.focal_length, kappa1=0.0, scale_x=camera.scale_x * solution.scale_x
+    )
+    pose = RigidTransform.from_components(solution.translation, solution.rotation)
+    residuals = camera.project(object_points, pose) - image_points
+    return Calibration(camera, [pose], [residuals], solution.flags)
+
+
+def kappa1_per_point(focal_length, t_z, c1, c2, c3, c4):
+    r"""Eq. 6 as printed: the kappa1, mm^-2, that makes each point's y equation exact.
+
+    .. math:: \kappa_1 = \frac{c_3 f}{c_1 (c_2 + T_z)} - \frac{c_4}{c_1}
+
+    with :math:`c_1 = d_y y_i r^2`, :math:`c_2 = r_7 x_w + r_8 y_w`, :math:`c_3 = r_4 x_w + r_5 y_w + T_y`,
+    :math:`c_4 = d_y' y_i` of each point (n,), in mm on the sensor and in the world (`TwoStageObjective`
+    has them).  `focal_length` and `t_z` broadcast against them.  A point on the camera's x axis, c1 = 0,
+    says nothing of distortion and gets 0.
+    """
+    on_axis = c1 == 0
+    safe = np.where(on_axis, 1.0, c1)
+    return np.where(on_axis, 0.0, c3 * focal_length / (safe * (c2 + t_z)) - c4 / safe)
+
+
+def kappa1_shared(focal_length, t_z, c1, c2, c3, c4):
+    r"""One kappa1, mm^-2, for all points: least squares of Eq. 6's y equation; arguments as `kappa1_per_point`.
+
+    .. math:: \kappa_1 = \frac{\sum c_1 \, (c_3 f / (c_2 + T_z) - c_4)}{\sum c_1^2}
+
+    The sums run over the last axis, which stays with length 1.
+    """
+    y_u = c3 * focal_length / (c2 + t_z)
+    return np.sum(c1 * (y_u - c4), axis=-1, keepdims=True) / np.sum(c1**2)
+
+
+class TwoStageObjective:
+    r"""Eq. 7 for many chromosomes (f, T_z) at once, with R, T_x and T_y held at stage 1.
+
+    Parameters
+    ----------
+    object_points : (n, 3) array_like
+        mm.
+    image_points : (n, 2) array_like
+        Measured, px.
+    linear : Calibration
+        Stage 1 of the same view (`calibrate_tsai`).
+    kappa1 : {"shared", "per-point"}
+        One coefficient per chromosome (`kappa1_shared`), or one per point, exactly as Eq. 6 is printed.
+        Then each y residual is zero, and with the measured radius in Eq. 3 each x residual depends on
+        neither f nor T_z: Eq. 7 is the same for all chromosomes.
+
+    Attributes
+    ----------
+    c1, c2, c3, c4 : (n,) ndarray
+        The constants of Eq. 6.
+    """
+
+    def __init__(self, object_points, image_points, linear, *, kappa1="shared"):
+        object_points, image_points = as_matched_points(object_points, image_points, MINIMUM_POINTS)
+        if kappa1 not in ("shared", "per-point"):
+            raise ValueError(f"kappa1 is {kappa1!r}; expected 'shared' or 'per-point'")
+        pose = linear.cam_from_object[0]
+        x_turned, y_turned, self.c2 = pose.rotation.apply(object_points).T
+        self.form = kappa1
+        self.pixels_per_mm = linear.camera.pixels_per_mm
+        self.sensor_points = linear.camera.to_sensor(image_points)
+        self.squared_radius = np.sum(self.sensor_points**2, axis=1)
+        self.x_c = x_turned + pose.translation[0]
+        self.c3 = y_turned + pose.translation[1]
+        self.c4 = self.sensor_points[:, 1]
+        self.c1 = self.c4 * self.squared_radius
+
+    def __call__(self, chromosomes):
+        """Eq. 7, px, of chromosomes (m, 2); `PENALTY` where a point lies behind the camera or has no image."""
+        residual_x, residual_y, valid = self._residuals(chromosomes)
+        return np.where(valid, np.minimum(np.hypot(residual_x, residual_y).mean(axis=-1), PENALTY), PENALTY)
+
+    def residuals(self, chromosomes):
+        """Projected minus measured, px, (m, n, 2), of chromosomes (m, 2) that see all points."""
+        return np.stack(self._residuals(chromosomes)[:2], axis=-1)
+
+    def kappa1(self, chromosomes):
+        """kappa1, mm^-2, of chromosomes (m, 2): shape (m, 1) if shared, (m, n) if per point."""
+        return self._kappa1(*self._in_front(chromosomes)[:2])
+
+    def _in_front(self, chromosomes):
+        """Columns f and T_z (m, 1), and whether all points lie in front (m,); where not, some other T_z."""
+        focal_length, t_z = np.asarray(chromosomes, np.float64).T[..., None]
+        nearest = self.c2.min()
+        front = nearest + t_z > 0
+        return focal_length, np.where(front, t_z, 1 - nearest), front[:, 0]
+
+    def _kappa1(self, focal_length, t_z):
+        equation_6 = kappa1_per_point if self.form == "per-point" else kappa1_shared
+        return equation_6(focal_length, t_z, self.c1, self.c2, self.c3, self.c4)
+
+    def _residuals(self, chromosomes):
+        """Residuals in x and in y (m, n), and whether a chromosome sees all points (m,)."""
+        focal_length, t_z, valid = self._in_front(chromosomes)
+        magnification = focal_length / (self.c2 + t_z)
+        kappa1 = self._kappa1(focal_length, t_z)
+        if self.form == "per-point":
+            stretch = 1 + kappa1 * self.squared_radius  # Eq. 3 with the measured radius, as printed
+            valid = valid & np.all(stretch != 0, axis=-1)
+            factor = magnification / np.where(stretch == 0, 1.0, stretch)
+        else:
+            lateral = np.hypot(self.x_c, self.c3)
+            undistorted = magnification * lateral
+            valid = valid & np.all(undistorted <= max_undistorted_radius(kappa1), axis=-1)
+            factor = distort_radius(undistorted, kappa1) / np.where(lateral > 0, lateral, 1.0)
+        x_d, y_d = self.sensor_points.T
+        scale_x, scale_y = self.pixels_per_mm
+        return (factor * self.x_c - x_d) * scale_x, (factor * self.c3 - y_d) * scale_y, valid
+
+
+class _Genes:
+    """Between the chromosomes (f, T_z) in the box of Eq. 5 and the genes that the algorithm moves.
+
+    ``"printed"`` genes are (f, T_z) themselves.  ``"magnification"`` genes are (m, T_z) with
+    m = f / (T_z + mean c_2), the magnification at the centroid of the points: f and T_z lie in a valley
+    as narrow as m is certain and as long as T_z is not, and these genes are its axes.  The box is the
+    same: m has the range that the box allows; f outside is clipped, and what was clipped is penalised
+    (clipping alone would make the corners of the box attractive, as many m would mean the same f there).
+    """
+
+    def __init__(self, form, linear, c2, box):
+        if form not in ("magnification", "printed"):
+            raise ValueError(f"genes is {form!r}; expected 'magnification' or 'printed'")
+        centre = np.array([linear.camera.focal_length, linear.cam_from_object[0].translation[2]])
+        half = box * np.abs(centre)
+        self.form, self.lower, self.upper = form, centre - half, centre + half
+        self.mean_c2 = c2.mean()
+        self.smallest_depth = 0.1 * (centre[1] + self.mean_c2)  # where the box reaches behind the camera
+        self.initial = centre if form == "printed" else np.array([centre[0] / self._depth(centre[1]), centre[1]])
+
+    def _depth(self, t_z):
+        return np.maximum(t_z + self.mean_c2, self.smallest_depth)
+
+    @property
+    def bounds(self):
+        """(2, 2) bounds of the genes."""
+        if self.form == "printed":
+            return np.column_stack([self.lower, self.upper])
+        smallest = self.lower[0] / self._depth(self.upper[1])
+        largest = self.upper[0] / self._depth(self.lower[1])
+        return np.array([[smallest, largest], [self.lower[1], self.upper[1]]])
+
+    def decode(self, genes):
+        """Genes (..., 2) to chromosomes (f, T_z)."""
+        if self.form == "printed":
+            return genes
+        return np.stack([np.clip(self._focal_length(genes), self.lower[0], self.upper[0]), genes[..., 1]], axis=-1)
+
+    def penalty(self, genes):
+        """What is added to the objective of genes (m, 2) whose f was clipped, px."""
+        if self.form == "printed":
+            return np.zeros(len(genes))
+        focal_length = self._focal_length(genes)
+        outside = np.maximum(self.lower[0] - focal_length, focal_length - self.upper[0])
+        return OVERSHOOT * np.maximum(outside, 0) / (self.upper[0] - self.lower[0])
+
+    def _focal_length(self, genes):
+        return genes[..., 0] * self._depth(genes[..., 1])
+
+    def flags(self, chromosome):
+        """A sentence if the chromosome sits on the edge of the box."""
+        gap = np.minimum(chromosome - self.lower, self.upper - chromosome) / (self.upper - self.lower)
+        names = [name for name, value in zip(("f", "T_z"), gap, strict=True) if value < EDGE]
+        if not names:
+            return ()
+        box = ", ".join(
+            f"{name} {low:.5g} to {high:.5g} mm"
+            for name, low, high in zip(("f", "T_z"), self.lower, self.upper, strict=True)
+        )
+        return (
+            f"The solution sits on the edge of its box in {' and '.join(names)} (box: {box}): the best f may lie "
+            "outside; widen the box, tilt the board more, or calibrate several views jointly.",
+        )
+
+
+def calibrate_genetic(
+    object_points, image_points, camera, *, rng=None, box=BOX, kappa1="shared", genes="magnification", **options
+):
+    r"""Both stages of the paper for one view: Tsai's linear solution, then the genetic algorithm.
+
+    Stage 2 searches (f, T_z) within +-`box` of the linear values (Eq. 5) for the smallest mean distance
+    (Eqs. 7, 8), with kappa1 of every chromosome by Eq. 6; R, T_x and T_y stay as stage 1 found them.
+
+    Parameters
+    ----------
+    object_points, image_points, camera
+        As for `calibrate_tsai`.
+    rng : None, int or Generator
+        Source of the algorithm's randomness.
+    box : float
+        Half-width of the box as a fraction, between 0 and 1 (Eq. 5: 0.25).  It is a fraction of T_z, which
+        depends on where the world's origin is: with the origin near the camera's own plane it is narrow.
+    kappa1 : {"shared", "per-point"}
+        How Eq. 6 is read, see `TwoStageObjective`.
+    genes : {"magnification", "printed"}
+        What the algorithm moves: (m, T_z) with m = f / (T_z + mean(r_7 x + r_8 y)), the magnification at the
+        centroid of the points, or the paper's (f, T_z).  The box is the same.
+    **options
+        Of `minimize_genetic`: population_size, generations, initialisation, crossover, alpha, mutation,
+        mutation_index, mutation_rate.
+
+    Returns
+    -------
+    Calibration
+        With `history`, and flags if the solution sits on the edge of its box.
+
+    Raises
+    ------
+    ValueError, CalibrationError
+        As `calibrate_tsai`; `CalibrationError` also if nothing in the box sees all points.
+    """
+    box = as_number(box, "box", 0, 1, exclusive=True)
+    linear = calibrate_tsai(object_points, image_points, camera)
+    objective = TwoStageObjective(object_points, image_points, linear, kappa1=kappa1)
+    coding = _Genes(genes, linear, objective.c2, box)
+    found = minimize_genetic(
+        lambda population: objective(coding.decode(population)) + coding.penalty(population),
+        coding.bounds,
+        initial=coding.initial,
+        keep_populations=True,
+        rng=rng,
+        **options,
+    )
+    if found.fun >= PENALTY:
+        raise CalibrationError("no chromosome in the box sees all points; check the points and stage 1")
+    shared = TwoStageObjective(object_points, image_points, linear)
+    populations = coding.decode(found.populations)
+    best = populations[:, 0]
+    history = found.history.assign(focal_length=best[:, 0], T_z=best[:, 1], kappa1=np.ravel(shared.kappa1(best)))
+    flags = linear.flags + coding.flags(best[-1])
+    if kappa1 == "per-point":
+        flags += ("With one kappa1 per point Eq. 7 is the same for all (f, T_z): these were drawn, not found.",)
+    last, stage_1 = history.iloc[-1], linear.cam_from_object[0]
+    return Calibration(
+        replace(linear.camera, focal_length=last["focal_length"], kappa1=last["kappa1"]),
+        [RigidTransform.from_components([*stage_1.translation[:2], last["T_z"]], stage_1.rotation)],
+        [shared.residuals(best[-1:])[0]],
+        flags,
+        history=history,
+        populations=populations,
+    )
