@@ -162,7 +162,7 @@ def draw_frame(scene, number, camera=None):
     pose, blur = _pose(scene, rng), rng.uniform(*BLUR)
     picture = render_hub(
         camera, pose, HUB, look=scene.look, blur=blur, noise=None,
-        highlights=scene.highlights, clutter=scene.clutter, rng=rng,
+        highlights=scene.highlights, clutter=scene.clutter, rays=144, rng=rng,
     )
     contrast, width = scene.look.peg - scene.look.base, np.sqrt(blur**2 + 1 / 12)
     discs = []

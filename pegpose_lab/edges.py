@@ -25,6 +25,9 @@ from scipy.special import ndtr
 from .checks import as_image, as_number, as_points
 
 RING = 6.0  # px on either side of the edge that take part in the fit
+GROUND = 12.0  # px on either side of the edge up to which even ground helps to know the levels
+GROUND_WIDTHS = 4.0  # edge widths s from the edge to where the ground begins: RING is at least that far
+GROUND_SIGMAS = 3.0  # departure from the ring's levels or noise, in standard deviations, that bars ground
 QUANTISATION = 1 / 12  # variance of rounding to whole grey values
 N_RAYS, RAY_POINTS = 64, 49
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together: their arrays stay in the cache
@@ -558,6 +561,55 @@ def _solve_rows(rows, ellipse, log_s, count):
     return solution, combination, scale, step, (step * gradient).sum(axis=1), bad
 
 
+def _use_ground(image, solution, rows):
+    """Let the even ground beyond the rings of some discs improve their levels, and with these radius and s.
+
+    Level, radius and s of a narrow ring are correlated.  Farther out Phi is 0 or 1, so that a side's pixels enter
+    the normal equations by their number, mean and variance alone; one more step then solves them.  A side whose
+    mean or variance departs by more than GROUND_SIGMAS from the ring's is not even and is left out.
+    """
+    rows = rows[GROUND_WIDTHS * np.exp(solution.log_s[rows]) <= RING]
+    if len(rows) == 0:
+        return
+    sides, noise = np.array([_ground(image, solution.ellipse[i]) for i in rows]), solution.noise[rows, None]
+    n, mean, variance = np.maximum(sides[..., 0], 1), sides[..., 1], sides[..., 2]
+    known = np.linalg.inv(solution.normal[rows])[:, 6:, 6:]
+    excess = mean - solution.levels[rows] @ _BY_LEVELS
+    bound = noise * np.sqrt(1 / n + np.einsum("is,nij,js->ns", _BY_LEVELS, known, _BY_LEVELS))
+    even = (n >= LEAST_RING) & (np.abs(excess) <= GROUND_SIGMAS * bound)
+    even &= np.abs(variance / noise**2 - 1) <= GROUND_SIGMAS * np.sqrt(2 / n)
+    n *= even
+    gradient = np.zeros((len(rows), 8))
+    gradient[:, 6:] = (n * excess) @ _BY_LEVELS.T
+    solution.normal[rows, 6:, 6:] += np.einsum("ns,is,js->nij", n, _BY_LEVELS, _BY_LEVELS)
+    solution.squares[rows] += (n * (variance + excess**2)).sum(axis=1)
+    solution.count[rows] += n.sum(axis=1)
+    step = np.linalg.solve(solution.normal[rows], gradient[:, :, None])[:, :, 0]
+    solution.update(rows, _after_last_step(_rows(solution, rows), step, (step * gradient).sum(axis=1)))
+
+
+_BY_LEVELS = np.array([[1.0, 1.0], [0.0, 1.0]])  # derivatives by B and A of the level outside and inside
+
+
+def _ground(image, ellipse):
+    """Number, mean and variance of the pixels RING to GROUND px outside the ellipse, and inside it."""
+    width, height = (size + GROUND + 2 for size in ellipse.half_size)
+    top, left = max(int(ellipse.y - height), 0), max(int(ellipse.x - width), 0)
+    part = image[top : int(ellipse.y + height) + 2, left : int(ellipse.x + width) + 2]
+    mask = np.zeros(part.shape, np.uint8)
+    center = round(16 * (ellipse.x - left)), round(16 * (ellipse.y - top))  # sixteenths of a pixel, as shift = 4
+    for longer, value in ((GROUND, 1), (RING, 0), (-RING - 1, 2), (-GROUND, 0)):
+        axes = [round(16 * (axis + longer)) for axis in ellipse.axes]
+        if min(axes) > 0:
+            cv2.ellipse(mask, center, axes, np.degrees(ellipse.angle), 0, 360, value, cv2.FILLED, shift=4)
+    sides = []
+    for value in (1, 2):
+        side = (mask == value).view(np.uint8)
+        mean, deviation = cv2.meanStdDev(part, mask=side)
+        sides.append((cv2.countNonZero(side), mean.item(), deviation.item() ** 2))
+    return sides
+
+
 def _residual_noise(residuals, count):
     """Standard deviation (n,) of the noise, from the differences of neighbouring residuals.
 
@@ -582,14 +634,15 @@ def _limited(step, ellipse):
 def _fit_group(image, circles, starts, max_chi2, max_misfit):
     """Fit some discs: the simple model, a refit by sectors where it fails, and the judgement; a list of `_Fit`."""
     solution, reasons = _settle(image, starts)
-    ellipse, contrast, noise = solution.ellipse, solution.levels[:, 1], np.maximum(solution.noise, 1e-3)
-    variance = np.maximum(solution.squares / np.maximum(solution.count - 8, 1), QUANTISATION)
-    s, count = np.exp(solution.log_s), np.maximum(solution.count, 1)
-    fitted = reasons == ""
+    fitted, contrast, noise = reasons == "", solution.levels[:, 1], np.maximum(solution.noise, 1e-3)
+    fails = _variance(solution) > (1 + REFIT_SIGMAS / np.sqrt(np.maximum(solution.count, 1))) * noise**2
+    simple = fitted & solution.converged.astype(bool) & ~(fails & (np.abs(contrast) > noise))
+    _use_ground(image, solution, np.flatnonzero(simple & ~fails))
+    again = np.flatnonzero(fitted & ~simple)
+    ellipse, contrast, s = solution.ellipse, solution.levels[:, 1], np.exp(solution.log_s)
+    variance = _variance(solution)
     covariance = np.zeros((len(s), 5, 5))
     covariance[fitted] = np.linalg.inv(solution.normal[fitted])[:, :5, :5] * variance[fitted, None, None]
-    fails = variance > (1 + REFIT_SIGMAS / np.sqrt(count)) * noise**2
-    again = np.flatnonzero(fitted & (~solution.converged.astype(bool) | (fails & (np.abs(contrast) > noise))))
     if len(again):
         near = solution.converged[again].astype(bool) & (variance[again] < NEAR_CHI2 * noise[again] ** 2)
         near &= _distance(ellipse[again], starts[again]) < NEAR
@@ -606,6 +659,11 @@ def _fit_group(image, circles, starts, max_chi2, max_misfit):
         chi2, values = float(variance[i] / noise[i] ** 2), (float(contrast[i]), float(s[i]), float(noise[i]))
         fits[i] = _Fit(ellipse[i], reasons[i], _to_axes(ellipse[i], covariance[i]), chi2, *values)
     return fits
+
+
+def _variance(solution):
+    """Residual variance (n,) of the simple model with its 8 unknowns."""
+    return np.maximum(solution.squares / np.maximum(solution.count - 8, 1), QUANTISATION)
 
 
 def _choose(where, first, second):
