@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from .checks import DetectionError
 from .circles import find_circles
 from .corners import find_corners
 from .datasets import dataset, read_corners, write_corners
@@ -27,8 +28,14 @@ SEARCHES = (  # data set, its pictures, radius range (px), polarity; all else is
     ("skimage-coins", "*.png", (12, 35), "bright"),
     ("conrods-a", "*.bmp", (6, 20), "bright"),
     ("screws4-a", "*.jpg", (38, 62), "dark"),
+    ("opencv-samples", "smarties.png", (15, 45), "dark"),
+    ("opencv-samples", "coins.jpg", (18, 32), "dark"),
 )
-SCREWS = "screws4-a"
+MISSED_FILE = "missed_circles.csv"
+RIM, RIM_STEP = np.arange(2.0, 6.0), 10.0  # px on either side of a rim, and the step (grey values) that counts as one
+GRID_FILE = "visp_circles_centers.csv"
+GRID_PITCH, GRID_SIZE = 34.0, (320, 240)  # mm, px
+GRID_RADIUS = GRID_PITCH / 3  # mm, of a disc
 NEAR = 0.5  # of the radius: how far a circle may be from the disc it stands for, in centre and radius
 
 
@@ -81,62 +88,131 @@ def count_circles():
 
     Returns
     -------
-    DataFrame
+    counts : DataFrame
         A row for each picture: dataset, picture, r_min, r_max, polarity; known: how many discs there are; found:
         how many of them; false: circles that belong to none; measured: how many of those found `fit_discs`
-        accepts, which models an even disc on even ground and says of every other why not.
+        accepts, which models an even disc on even ground and says of every other why not; rim: the mean
+        `rim_share` of those found.
+    missed : DataFrame
+        A row for each disc that is not found: dataset, picture, x, y, r (px), and its rim's share.
 
     Raises
     ------
     ValueError, FileNotFoundError
         If the photographs are not found.
     """
-    places, rows = pd.read_csv(FOLDER / KNOWN_FILE, comment="#"), []
+    places, counts, missed = pd.read_csv(FOLDER / KNOWN_FILE, comment="#"), [], []
     for name, pattern, radii, polarity in SEARCHES:
         for path in sorted(dataset(name).glob(pattern)):
             image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
             circles = find_circles(image, radii, polarity=polarity)
             known = places[(places["dataset"] == name) & (places["picture"] == path.name)]
-            match = _in_quarters if name == SCREWS else _at_places
-            number, found = match(circles, known[["x", "y", "r"]].to_numpy(float), path.stem, image.shape)
+            known = known[["x", "y", "r"]].to_numpy(float)
+            match = _match(circles, known)
+            there, found = match >= 0, match[match >= 0]
             accepted = int(fit_discs(image, circles).accepted[found].sum())
-            rows.append(
-                (name, path.name, *radii, polarity, number, len(found), len(circles) - len(found), accepted)
-            )
-    columns = ["dataset", "picture", "r_min", "r_max", "polarity", "known", "found", "false", "measured"]
-    return pd.DataFrame(rows, columns=columns)
+            shares = [rim_share(image, *place, polarity) for place in known]
+            rim = np.mean(shares, where=there) if there.any() else np.nan
+            number = len(known), len(found), len(circles) - len(found), accepted, np.round(rim, 3)
+            counts.append((name, path.name, *radii, polarity, *number))
+            missed += [(name, path.name, *known[i], shares[i]) for i in np.flatnonzero(~there)]
+    columns = ["dataset", "picture", "r_min", "r_max", "polarity", "known", "found", "false", "measured", "rim"]
+    missed = pd.DataFrame(missed, columns=["dataset", "picture", "x", "y", "r", "rim"])
+    return pd.DataFrame(counts, columns=columns), missed
 
 
-def _at_places(circles, places, _name, _shape):
-    """How many discs there are, and the indices of the circles nearest to each, if near enough."""
-    found = []
-    for x, y, r in places:
+def _match(circles, places):
+    """For each place (x, y, r) the index of the circle nearest to it, if near enough and free, or -1."""
+    match = np.full(len(places), -1)
+    for i, (x, y, r) in enumerate(places):
         apart = np.maximum(np.hypot(*(circles.centers - (x, y)).T), np.abs(circles.radii - r))
-        apart[found] = np.inf
+        apart[match[:i][match[:i] >= 0]] = np.inf
         if len(apart) and apart.min() < NEAR * r:
-            found.append(int(apart.argmin()))
-    return len(places), found
+            match[i] = apart.argmin()
+    return match
 
 
-def _in_quarters(circles, _places, name, shape):
-    """The same for screws: four bits at the end of the name say in which quarter of the picture there is one."""
-    there = [bit == "1" for bit in name[-4:]]
-    quarter = (circles.centers[:, 0] > shape[1] / 2) + 2 * (circles.centers[:, 1] > shape[0] / 2)
-    found = [int(np.flatnonzero(quarter == q)[0]) for q in range(4) if there[q] and (quarter == q).any()]
-    return sum(there), found
+def rim_share(image, x, y, r, polarity):
+    """Part of a circle's rim, in 64 directions, where the picture steps by RIM_STEP at least, in `polarity`'s sense."""
+    turn = np.arange(64) * (2 * np.pi / 64)
+    cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    inside, outside = (
+        cv2.remap(
+            image, (x + cos * rho).astype(np.float32), (y + sin * rho).astype(np.float32), cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        ).mean(axis=1)
+        for rho in (r - RIM, r + RIM)
+    )
+    step = (inside - outside) * (1 if polarity == "bright" else -1)
+    return float(np.mean(step >= RIM_STEP))
+
+
+def load_missed(path=FOLDER / MISSED_FILE):
+    """Read the discs that `count_circles` missed."""
+    return pd.read_csv(path, comment="#")
+
+
+def measure_grid():
+    """Measure the discs of the 6 x 6 grid in the five photographs of visp_circles by `fit_discs`.
+
+    `cv2.findCirclesGrid` says only which disc is which.
+
+    Returns
+    -------
+    names, object_points, image_points
+        As `measure_corners`; the centres of the discs' images, which are not the images of the discs' centres.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        If the photographs are not found.
+    DetectionError
+        If one of the discs is not found or its fit is rejected.
+    """
+    paths = sorted(dataset("visp_circles").glob("*.jpg"))
+    x, y = np.meshgrid(np.arange(6) * GRID_PITCH, np.arange(6) * GRID_PITCH)
+    object_points = np.column_stack([x.ravel(), y.ravel(), np.zeros(36)])
+    return [path.stem for path in paths], [object_points] * len(paths), [_grid_centers(path) for path in paths]
+
+
+def _grid_centers(path):
+    """Centres (36, 2) of one photograph's discs."""
+    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    discs = fit_discs(image, find_circles(image, (4, 25), polarity="dark"))
+    complete, order = cv2.findCirclesGrid(image, (6, 6))
+    apart = np.hypot(*(discs.centers[:, None] - np.reshape(order, (1, -1, 2))).transpose(2, 0, 1))
+    nearest = apart.argmin(axis=0) if complete else []
+    if len(set(nearest)) != 36 or not discs.accepted[nearest].all():
+        raise DetectionError(f"{path} does not show all 36 discs of the grid; get an unchanged copy")
+    return discs.centers[nearest]
+
+
+def load_grid(path=FOLDER / GRID_FILE):
+    """Read the measured discs of visp_circles; returns as `load_corners`."""
+    names, object_points, image_points = read_corners(path)
+    return object_points, image_points, GRID_SIZE, names
 
 
 def load_counts(path=FOLDER / COUNTS_FILE):
-    """Read the table of `count_circles`."""
+    """Read the first table of `count_circles`."""
     return pd.read_csv(path, comment="#")
 
 
 def write_measured(folder=FOLDER):
     """Measure everything anew and write it below `folder`; errors as in `measure_corners` and `count_circles`."""
-    with replacing(folder / COUNTS_FILE) as path:
-        table = count_circles().to_csv(index=False, lineterminator="\n")
-        comment = f"# circles found in photographs with known counts; made by: {COMMAND}\n"
-        path.write_text(comment + table, encoding="utf-8")
+    counts, missed = count_circles()
+    for name, table, what in (
+        (COUNTS_FILE, counts, "circles found in photographs with known counts"),
+        (MISSED_FILE, missed.round(3), "discs that were not found in them (px), and the share of their rim with a step"),
+    ):
+        with replacing(folder / name) as path:
+            table = table.to_csv(index=False, lineterminator="\n")
+            path.write_text(f"# {what}; made by: {COMMAND}\n{table}", encoding="utf-8")
+    comment = (
+        "centres of the discs' images by fit_discs in ViSP's circles-01..05.jpg (320 x 240 px), grid of 6 x 6 discs, "
+        f"X Y in mm, u v in px; made by: {COMMAND}"
+    )
+    write_corners(folder / GRID_FILE, *measure_grid(), comment)
     comment = (
         f"corners by find_corners in OpenCV's left01..left14.jpg ({LEFT_SIZE[0]} x {LEFT_SIZE[1]} px), board of "
         f"{LEFT_BOARD.columns} x {LEFT_BOARD.rows} corners, X Y in mm, u v in px; made by: {COMMAND}"
