@@ -473,23 +473,32 @@ def measure_sizes(sizes, *, methods=(peers.OURS, peers.REFERENCE), repeats=3):
     Returns
     -------
     DataFrame
-        megapixels, method, ms (median), ms_per_megapixel.
+        megapixels, method, ms (median), ms_per_megapixel, pegs (detected, of four).
     """
     rows = []
     with _one_thread():
         for size in tqdm(sizes, unit="size", desc="sizes ", disable=None):
             camera = _scaled(_camera(), np.sqrt(1e6 * size / np.prod(_camera().image_size)))
-            image = expose(draw_frame(_MAIN[0], 0, camera).picture, 5, 0)
+            frame = draw_frame(_MAIN[0], 0, camera)
+            image = expose(frame.picture, 5, 0)
             scale = camera.image_size[0] / _camera().image_size[0]
             limits = tuple(scale * radius for radius in RADIUS_RANGE)
-            times = {name: [] for name in methods}
+            times, pegs = {name: [] for name in methods}, {}
             for _ in range(repeats + 1):
                 for name in methods:
-                    times[name].append(peers.run(peers.METHODS[name], image, limits)[1])
+                    found, seconds = peers.run(peers.METHODS[name], image, limits)
+                    times[name].append(seconds)
+                    pegs[name] = _detected_pegs(frame, found)
             for name, seconds in times.items():
                 ms = 1e3 * float(np.median(seconds[1:]))  # the first run warms up
-                rows.append((image.size / 1e6, name, ms, ms / (image.size / 1e6)))
-    return pd.DataFrame(rows, columns=["megapixels", "method", "ms", "ms_per_megapixel"])
+                rows.append((image.size / 1e6, name, ms, ms / (image.size / 1e6), pegs[name]))
+    return pd.DataFrame(rows, columns=["megapixels", "method", "ms", "ms_per_megapixel", "pegs"])
+
+
+def _detected_pegs(frame, found):
+    """How many of the frame's pegs a method detected."""
+    free = np.ones(len(found), bool)
+    return sum(_match(disc.truth, found, free) is not None for disc in frame.discs if disc.peg)
 
 
 def _scaled(camera, scale):
