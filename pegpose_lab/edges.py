@@ -25,7 +25,7 @@ from scipy.special import ndtr
 from .checks import as_image, as_number, as_points
 
 RING = 6.0  # px on either side of the edge that take part in the fit
-GROUND = 12.0  # px on either side of the edge up to which even ground helps to know the levels
+GROUND = 24.0  # px on either side of the edge up to which even ground helps to know the levels
 GROUND_WIDTHS = 4.0  # edge widths s from the edge to where the ground begins: RING is at least that far
 GROUND_SIGMAS = 3.0  # departure from the ring's levels or noise, in standard deviations, that bars ground
 QUANTISATION = 1 / 12  # variance of rounding to whole grey values
