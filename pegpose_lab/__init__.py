@@ -91,6 +91,7 @@ _HOME = {
     "calibrate_genetic": "two_stage",
     "calibrate_zhang": "zhang",
     "calibrate_joint": "joint",
+    "board_pose": "joint",
     "HubPose": "pose",
     "estimate_pose": "pose",
 }

@@ -79,6 +79,11 @@ class Calibration:
             raise ValueError(f"name is {name!r}; this calibration has {known}")
         return float(np.sqrt(self.covariance.loc[name, name]))
 
+    def correlation(self, first, second):
+        """Correlation of two parameters of `covariance`, -1 to 1; ValueError as `sigma`."""
+        product = self.sigma(first) * self.sigma(second)
+        return float(self.covariance.loc[first, second] / product)
+
     def save(self, path):
         """Write the calibration as an OpenCV FileStorage YAML file, whole or not at all.
 

@@ -6,16 +6,26 @@ on the sensor.  What is not printed (the other four boards, how far the hub turn
 height, grey values, blur and noise) is chosen here, once, and stated.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
+from pathlib import Path
 
 import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
 from scipy.spatial.transform import RigidTransform, Rotation
+from tqdm import tqdm
 
 from . import paper
 from .camera import TsaiCamera
+from .checks import CalibrationError, as_number
+from .joint import calibrate_joint
 from .render import render_board, render_hub
+from .results import replacing
 from .targets import Checkerboard, Hub
+from .two_stage import calibrate_genetic, calibrate_tsai
+from .zhang import calibrate_zhang
 
 N_FRAMES = 45
 TURN_PER_FRAME = np.deg2rad(-3.0)  # anticlockwise on the screen
@@ -132,3 +142,177 @@ def paper_experiment(**changes):
     """The `Experiment` with the paper's camera, board and hub; `changes` replace its attributes."""
     settings = dict(camera=paper_camera(), board=Checkerboard(8, 6, paper.printed("setup.pitch")), hub=Hub())
     return Experiment(**(settings | changes))
+
+
+# --- Monte Carlo ---------------------------------------------------------------------------------------
+
+METHODS = ("tsai", "genetic", "zhang", "joint")
+"""Methods of `monte_carlo`; the first two get the first of the views alone, and the true principal point."""
+
+PARAMETERS = ("focal_length", "c_x", "c_y", "kappa1")
+BATCH = 100  # trials between two writes of the file
+BOARD_DEPTH = 310.0  # mm, of the board's middle: all corners of a board tilted by up to 45 degrees are in the picture
+BOARD_SHIFT = 25.0  # mm, largest in x and y
+
+_KEY = ["seed", "noise", "tilt", "views", "method", "trial"]
+_COLUMNS = [*_KEY, *(column for name in PARAMETERS for column in (name, f"{name}_sigma"))]
+_COLUMNS += ["T_z_error", "rms", "mean_distance", "expected_rms", "status"]
+
+
+def monte_carlo(
+    *, noises=(0.1,), tilts=(30.0,), views=(5,), methods=("joint",), trials=100, seed=0, workers=None, path=None,
+    progress=True,
+):
+    """Calibrate the paper's camera from simulated corners, many times, in all combinations of the conditions.
+
+    A trial draws its boards from the seed, the tilt, the number of views and its own number, and the noise of the
+    corners from these and the level: all methods get the same corners, all noise levels the same boards, and the
+    numbers are the same for any number of workers, in whatever order they work.
+
+    The engine is joblib, so another backend takes the trials over by a context manager, for instance a Dask
+    cluster, where ``workers`` stays None::
+
+        from dask.distributed import Client
+        with Client(cluster), joblib.parallel_config("dask"):
+            table = monte_carlo(noises=[0.05, 0.1, 0.2], trials=10_000, path="trials.csv")
+
+    Parameters
+    ----------
+    noises : sequence of float
+        Standard deviation of the corners' noise per axis, px.
+    tilts : sequence of float
+        Angle between board and picture plane, degrees, at most 45; the directions of the views are spread evenly.
+    views : sequence of int
+        Number of boards.
+    methods : sequence of str
+        Of `METHODS`.
+    trials : int
+        Of each combination.
+    seed : int
+    workers : int, optional
+        Processes; None leaves it to joblib's context, which is one process without a context.
+    path : path, optional
+        CSV file to which finished trials are written in batches; those that it has already are not run again.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    DataFrame
+        A row for each trial, ordered by its key seed, noise, tilt, views, method, trial: focal_length and kappa1
+        (mm, mm^-2), c_x, c_y (px), each with its stated sigma (NaN if the method states none); T_z_error, mm, of
+        the first view's middle; rms and mean_distance, px; expected_rms = noise sqrt(2 (1 - p / 2n)), px, for n
+        points and p parameters; status, empty or the `CalibrationError`'s text, and then the numbers are NaN.
+
+    Raises
+    ------
+    ValueError
+        If an argument is unusable or the file has other columns.
+    """
+    conditions = _as_conditions(noises, tilts, views, methods, trials)
+    wanted = [(int(seed), *condition) for condition in conditions]
+    done = _finished(path)
+    known = set(done[_KEY].itertuples(index=False, name=None))
+    tasks = [key for key in wanted if key not in known]
+    with Parallel(n_jobs=workers) as parallel, tqdm(total=len(tasks), unit="trial", disable=not progress) as bar:
+        for first in range(0, len(tasks), BATCH):
+            batch = tasks[first : first + BATCH]
+            rows = parallel(delayed(run_trial)(*key) for key in batch)
+            done = pd.concat([done, pd.DataFrame(rows, columns=_COLUMNS)]) if len(done) else _as_table(rows)
+            if path is not None:
+                with replacing(path) as temporary:
+                    done.to_csv(temporary, index=False, float_format="%.17g", lineterminator="\n")
+            bar.update(len(batch))
+    return done.set_index(_KEY).loc[sorted(wanted)].reset_index()
+
+
+def run_trial(seed, noise, tilt, views, method, trial):
+    """One row of `monte_carlo`'s table, as a tuple."""
+    camera, board = paper_camera(), Checkerboard(8, 6, paper.printed("setup.pitch"))
+    poses = trial_poses(board, tilt, views, [seed, _whole(tilt), views, trial])
+    rng = np.random.default_rng([seed, _whole(tilt), views, trial, _whole(noise)])
+    image_points = [camera.project(board.object_points, pose) for pose in poses]
+    image_points = [points + noise * rng.standard_normal(points.shape) for points in image_points]
+    key = (seed, noise, tilt, views, method, trial)
+    try:
+        found, unknowns = _calibrate(method, [board.object_points] * views, image_points, camera, rng)
+    except CalibrationError as error:
+        return (*key, *[np.nan] * (2 * len(PARAMETERS) + 4), str(error))
+    values = [value for name in PARAMETERS for value in _estimate(found, name, camera)]
+    middle = [pose.apply(board.center)[2] for pose in (found.cam_from_object[0], poses[0])]
+    n = sum(len(points) for points in found.residuals)
+    expected = noise * np.sqrt(2 * (1 - unknowns / (2 * n)))
+    return (*key, *values, middle[0] - middle[1], found.rms, found.mean_distance, expected, "")
+
+
+def trial_poses(board, tilt, views, rng):
+    """Poses of `views` boards, each tilted by `tilt` degrees, about axes spread evenly from a random first one."""
+    rng = np.random.default_rng(rng)
+    first, poses = rng.uniform(0, 2 * np.pi), []
+    for view in range(views):
+        axis = first + 2 * np.pi * view / views
+        tilted = Rotation.from_rotvec(np.deg2rad(tilt) * np.array([np.cos(axis), np.sin(axis), 0.0]))
+        rotation = tilted * Rotation.from_rotvec([0, 0, rng.uniform(-0.3, 0.3)])
+        middle = np.array([*rng.uniform(-BOARD_SHIFT, BOARD_SHIFT, 2), BOARD_DEPTH * rng.uniform(1.0, 1.1)])
+        poses.append(RigidTransform.from_components(middle - rotation.apply(board.center), rotation))
+    return poses
+
+
+def _calibrate(method, object_points, image_points, camera, rng):
+    """The calibration by a method, and the number of parameters that it fitted."""
+    unknown = replace(camera, focal_length=1.0, kappa1=0.0)
+    if method == "tsai":
+        return calibrate_tsai(object_points[0], image_points[0], unknown), 7
+    if method == "genetic":
+        return calibrate_genetic(object_points[0], image_points[0], unknown, rng=rng), 8
+    if method == "zhang":
+        return calibrate_zhang(object_points, image_points, camera.image_size, radial=1), 5 + 6 * len(object_points)
+    return calibrate_joint(object_points, image_points, unknown), 4 + 6 * len(object_points)
+
+
+def _estimate(found, name, camera):
+    """A parameter in the paper camera's units, and its stated sigma or NaN."""
+    if isinstance(found.camera, TsaiCamera):
+        values = [found.camera.focal_length, *found.camera.principal_point, found.camera.kappa1]
+        value, scale, column = values[PARAMETERS.index(name)], 1.0, name
+    else:
+        matrix, pitch = found.camera.camera_matrix, camera.pixel_pitch[0]
+        column, value, scale = {
+            "focal_length": ("f_x", matrix[0, 0] * pitch, pitch),
+            "c_x": ("c_x", matrix[0, 2], 1.0),
+            "c_y": ("c_y", matrix[1, 2], 1.0),
+            "kappa1": ("k1", -found.camera.dist_coeffs[0] / (matrix[0, 0] * pitch) ** 2, (matrix[0, 0] * pitch) ** -2),
+        }[name]
+    stated = found.covariance is not None and column in found.covariance.index
+    return value, scale * found.sigma(column) if stated else np.nan
+
+
+def _as_conditions(noises, tilts, views, methods, trials):
+    """The checked combinations (noise, tilt, views, method, trial), each once."""
+    noises = [as_number(noise, "noises", 0) for noise in noises]
+    tilts = [as_number(tilt, "tilts", 0, 45) for tilt in tilts]
+    views = [int(as_number(number, "views", 1)) for number in views]
+    unknown = set(methods) - set(METHODS)
+    if unknown:
+        raise ValueError(f"methods has {', '.join(sorted(unknown))}; expected some of {', '.join(METHODS)}")
+    numbers = range(int(as_number(trials, "trials", 1)))
+    return list(dict.fromkeys(product(noises, tilts, views, methods, numbers)))
+
+
+def _finished(path):
+    """The rows of the file, none if there is no file yet."""
+    if path is None or not Path(path).exists():
+        return _as_table([])
+    table = pd.read_csv(path, keep_default_na=True)
+    if list(table.columns) != _COLUMNS:
+        raise ValueError(f"path {path} has columns {', '.join(table.columns)}; expected {', '.join(_COLUMNS)}")
+    return table.astype({"noise": float, "tilt": float}).fillna({"status": ""})
+
+
+def _as_table(rows):
+    return pd.DataFrame(rows, columns=_COLUMNS)
+
+
+def _whole(value):
+    """A number as a whole one, millionths, for a seed."""
+    return round(1e6 * value)

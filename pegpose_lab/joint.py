@@ -1,26 +1,55 @@
-"""Least squares of all views at once with the paper's camera model (Eq. 3), and what it leaves uncertain."""
+r"""Least squares of all views at once, and what it leaves uncertain.
 
-from dataclasses import replace
+The unknowns are the camera's parameters, shared by all views, and six numbers of each view's pose.  A view's pose
+meets no other, so the normal equations have the shape of an arrow,
+
+.. math:: \begin{pmatrix} A & B \\ B^T & C \end{pmatrix}, \qquad C = \mathrm{diag}(C_1, \dots, C_V),
+
+and eliminating the poses leaves the Schur complement :math:`S = A - \sum_v B_v C_v^{-1} B_v^T`, as small as the camera has
+parameters: time and memory grow linearly with the number of views.  S is also the information that the views
+have about the camera when nothing is known of their poses; its smallest eigenvalue says whether they determine it.
+"""
+
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from scipy.linalg import block_diag
-from scipy.optimize import least_squares
+import pandas as pd
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .calibration import MINIMUM_POINTS, Calibration, covariance_table, judge_focal_length, pose_names
-from .camera import demand_tsai, distort_radius, left_jacobian, max_undistorted_radius
-from .checks import CalibrationError, as_views
-from .tsai import is_planar, solve_coplanar, solve_noncoplanar
+from .calibration import MINIMUM_POINTS, Calibration, judge_focal_length, pose_names
+from .camera import OpenCVCamera, demand_tsai, distort_radius, max_undistorted_radius
+from .checks import CalibrationError, as_matched_points, as_views
+from .tsai import TILT_SIGNIFICANCE, is_planar, solve_coplanar, solve_noncoplanar
+
+COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
+"""OpenCV's distortion coefficients in OpenCV's order."""
+
+MAX_STEPS = 200
+SMALL_STEP = 1e-7
+"""Length of a step, in standard deviations, after which none is needed."""
+
+SMALLEST_RMS = 1e-9
+"""px; points without noise are not fitted any better than this."""
+
+LEAST_INFORMATION = 1e-11
+"""Smallest eigenvalue of S, scaled by A's diagonal: the part of the information that unknown poses leave."""
+
+HUBER, CAUCHY = 1.345, 2.385
+"""Where the robust losses bend, in standard deviations: 95 % efficiency for a normal distribution."""
+
+ROBUST_ROUNDS = 30
 
 
-def calibrate_joint(object_points, image_points, camera, *, principal_point="free"):
-    r"""Least squares of all views at once with the paper's camera model (Eq. 3).
+def calibrate_joint(
+    object_points, image_points, camera, *, principal_point="free", focal="one", coefficients=None, loss="linear"
+):
+    r"""Least squares of all views at once, with the paper's camera model (Eq. 3) or OpenCV's.
 
     Minimises the sum of the squared signed x and y residuals (not of Eq. 7's distances, whose derivative
-    jumps at zero) over f, kappa1, the principal point and the pose of each view, by
-    `scipy.optimize.least_squares` with exact derivatives.  It starts at the view whose linear solution has
-    the smallest relative sigma of f.
+    jumps at zero) over the camera's parameters and the pose of each view, by Levenberg and Marquardt's method
+    with exact derivatives.  It starts at the f of the views' homographies, or at the view whose linear solution
+    (stage 1) has the smallest relative sigma of f.
 
     Parameters
     ----------
@@ -32,111 +61,343 @@ def calibrate_joint(object_points, image_points, camera, *, principal_point="fre
         Gives pixel pitch, image size, scale_x and the principal point to start from (or to keep).
     principal_point : {"free", "fixed"}
         Whether it is estimated.
+    focal : {"one", "two"}
+        One f; or two, f_x and f_y in px.  With the paper's model the second is scale_x, Tsai's uncertainty factor.
+    coefficients : sequence of str, optional
+        None: the paper's model, with kappa1.  Else OpenCV's distorting model with these of `COEFFICIENTS` free and
+        the others zero, none of them for a camera without distortion; the result is an `OpenCVCamera`.
+    loss : {"linear", "huber", "cauchy"}
+        What a residual costs.  The two robust losses bend at `HUBER` and `CAUCHY` standard deviations (by the
+        median of the distances), so that single wrong corners hardly count.
 
     Returns
     -------
     Calibration
-        With `covariance` of all parameters: ``focal_length``, ``kappa1``, ``c_x``, ``c_y`` if free, and for
-        view v ``rx_v, ry_v, rz_v, tx_v, ty_v, tz_v``.
+        With `covariance` of all parameters: ``focal_length`` (mm), ``scale_x``, ``kappa1``, ``c_x``, ``c_y`` as far as
+        they are free, or ``f_x``, ``f_y`` (or ``f_x`` for both), ``c_x``, ``c_y`` and the coefficients; and for
+        view v ``rx_v, ry_v, rz_v, tx_v, ty_v, tz_v``.  A robust loss's is that of its weights, as if they were known.
 
     Raises
     ------
     ValueError
         If the input is unusable.
     CalibrationError
-        If no view determines f, as when all are fronto-parallel, or all of them together do not.
+        If the views do not determine f, as when all are fronto-parallel, or not all parameters together.
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
     demand_tsai(camera)
-    if principal_point not in ("free", "fixed"):
-        raise ValueError(f"principal_point is {principal_point!r}; expected 'free' or 'fixed'")
-    problem = _JointProblem(object_points, image_points, camera, principal_point == "free")
-    fitted = least_squares(
-        problem.residuals, problem.start(), problem.jacobian, x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-12
-    )
-    camera, poses = problem.unpack(fitted.x)
-    covariance = problem.covariance(camera, poses, 2 * fitted.cost)
+    _demand(principal_point, "principal_point", ("free", "fixed"))
+    _demand(focal, "focal", ("one", "two"))
+    _demand(loss, "loss", ("linear", "huber", "cauchy"))
+    model = _model(camera, principal_point == "free", focal == "two", coefficients)
+    views = _Views.stack(object_points, image_points)
+    state = _start(model, views, object_points, image_points)
+    count = 2 * int(views.used.sum())
+    unknowns = len(model.names) + 6 * len(object_points)
+    if count <= unknowns:
+        raise CalibrationError(f"{count} coordinates cannot determine {unknowns} parameters; add points or views")
+    state, equations = _minimise(model, views, state, views.used)
+    if loss != "linear":
+        state, equations = _minimise_robust(model, views, state, loss)
+    covariance = _covariance(model, views, state, equations, count - unknowns)
+    found, poses = model.camera(state.shared), state.poses(views)
+    _demand_tilt(object_points, poses, covariance)
     residuals = [
-        camera.project(points, pose) - measured
+        found.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)
     ]
-    flags = judge_focal_length(covariance, "focal_length", camera.focal_length, "mm")
-    return Calibration(camera, poses, residuals, flags, covariance=covariance)
+    flags = judge_focal_length(covariance, model.names[0], state.shared[0], model.unit)
+    return Calibration(found, poses, residuals, flags, covariance=covariance)
 
 
-class _JointProblem:
-    """Residuals and their derivatives for `calibrate_joint`.
+def board_pose(object_points, image_points, camera):
+    """Pose of one object through a known camera: least squares over the image points.
 
-    Parameters: f, kappa1, (c_x, c_y), then for each view a rotation vector about the camera's axes, applied
-    after the starting rotation, and the position of the points' centroid, which the data determine far
-    better than that of a distant origin.
+    Parameters
+    ----------
+    object_points : (n, 3) array_like
+        mm, n >= 4; of a plane, or not.
+    image_points : (n, 2) array_like
+        px.
+    camera : TsaiCamera or OpenCVCamera
+
+    Returns
+    -------
+    RigidTransform
+        cam_from_object.
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable.
+    CalibrationError
+        If no pose is found.
+    """
+    object_points, image_points = as_matched_points(object_points, image_points, 4)
+    seen = camera.to_normalized(image_points)
+    pose = _pnp(object_points, seen, np.eye(3))
+    rotation, translation = cv2.solvePnPRefineLM(
+        object_points, seen, np.eye(3), None, pose.rotation.as_rotvec(), pose.translation
+    )
+    return RigidTransform.from_components(translation.ravel(), Rotation.from_rotvec(rotation.ravel()))
+
+
+# --- camera models: shared parameters, the camera, and the projection with its derivatives ------------------
+
+
+def _model(camera, free_center, two_focal_lengths, coefficients):
+    if coefficients is None:
+        return _TsaiModel(camera, free_center, two_focal_lengths)
+    coefficients = tuple(coefficients)
+    if set(coefficients) - set(COEFFICIENTS) or len(set(coefficients)) < len(coefficients):
+        raise ValueError(f"coefficients is {coefficients}; expected each once, of {', '.join(COEFFICIENTS)}")
+    return _OpenCVModel(camera, free_center, two_focal_lengths, coefficients)
+
+
+class _TsaiModel:
+    """The paper's camera: f, (scale_x), kappa1, (c_x, c_y)."""
+
+    unit = "mm"
+
+    def __init__(self, camera, free_center, two_focal_lengths):
+        self.start_camera = camera
+        free = [True, two_focal_lengths, True, free_center, free_center]
+        self.names = [name for name, kept in zip(("focal_length", "scale_x", "kappa1", "c_x", "c_y"), free) if kept]
+        self.columns = np.flatnonzero(free)
+
+    def start(self, focal_length):
+        values = [focal_length, self.start_camera.scale_x, 0.0, *self.start_camera.principal_point]
+        return np.array(values)[self.columns]
+
+    def camera(self, shared):
+        values = [self.start_camera.focal_length, self.start_camera.scale_x, 0.0, *self.start_camera.principal_point]
+        for column, value in zip(self.columns, shared, strict=True):
+            values[column] = value
+        focal_length, scale_x, kappa1, *center = values
+        return replace(
+            self.start_camera, focal_length=focal_length, scale_x=scale_x, kappa1=kappa1, principal_point=tuple(center)
+        )
+
+    def project(self, shared, points):
+        r"""Image points (n, 2) of points in the camera frame, and derivatives by the parameters and by the point.
+
+        None where a point has no image.  With :math:`h = 1 / (1 + \kappa_1 r_d^2)` and
+        :math:`s = 1 + 3 \kappa_1 r_d^2`, Eq. 3 solved for :math:`x_d = h x_u` has
+        :math:`dx_d/dx_u = h I - (2 \kappa_1 h^3 / s) x_u x_u^T` and
+        :math:`dx_d/d\kappa_1 = -(h r_d^2 / s) x_u`.
+        """
+        if shared[0] <= 0 or (1 in self.columns and shared[1] <= 0) or points[:, 2].min() <= 0:
+            return None
+        camera = self.camera(shared)
+        x_u = camera.focal_length / points[:, 2:] * points[:, :2]
+        radius = np.hypot(*x_u.T)
+        if radius.max() > max_undistorted_radius(camera.kappa1):
+            return None
+        squared = distort_radius(radius, camera.kappa1)[:, None] ** 2
+        h, s = 1 / (1 + camera.kappa1 * squared), 1 + 3 * camera.kappa1 * squared
+        if s.min() <= 0:
+            return None
+        scale = camera.pixels_per_mm
+        by_x_u = (-2 * camera.kappa1 * h**3 / s)[:, :, None] * x_u[:, :, None] * x_u[:, None, :]
+        by_x_u[:, (0, 1), (0, 1)] += h
+        by_x_u *= scale[:, None]
+        x_d = h * x_u
+        by_shared = np.zeros((len(points), 2, 5))
+        by_shared[:, :, 0] = (by_x_u @ x_u[:, :, None])[:, :, 0] / camera.focal_length
+        by_shared[:, 0, 1] = x_d[:, 0] * scale[0] / camera.scale_x
+        by_shared[:, :, 2] = scale * (-h * squared / s) * x_u
+        by_shared[:, 0, 3] = by_shared[:, 1, 4] = 1
+        return camera.to_image(x_d), by_shared[:, :, self.columns], _by_point(by_x_u, x_u, camera.focal_length, points)
+
+
+class _OpenCVModel:
+    """OpenCV's camera: f_x, (f_y), (c_x, c_y) and coefficients that distort."""
+
+    unit = "px"
+
+    def __init__(self, camera, free_center, two_focal_lengths, coefficients):
+        self.start_camera, self.two, self.free_center = camera, two_focal_lengths, free_center
+        self.aspect = camera.pixels_per_mm[1] / camera.pixels_per_mm[0]
+        self.coefficients = [COEFFICIENTS.index(name) for name in coefficients]
+        self.names = ["f_x", *["f_y"] * two_focal_lengths, *("c_x", "c_y") * free_center, *coefficients]
+
+    def start(self, focal_length):
+        f_x, f_y = focal_length * self.start_camera.pixels_per_mm
+        center = self.start_camera.principal_point if self.free_center else ()
+        return np.array([f_x, *[f_y] * self.two, *center, *[0.0] * len(self.coefficients)])
+
+    def _split(self, shared):
+        """f_x and f_y, the principal point, and all five coefficients."""
+        shared, coefficients = list(shared), np.zeros(5)
+        f_x = shared.pop(0)
+        f_y = shared.pop(0) if self.two else f_x * self.aspect
+        center = (shared.pop(0), shared.pop(0)) if self.free_center else self.start_camera.principal_point
+        coefficients[self.coefficients] = shared
+        return np.array([f_x, f_y]), np.array(center), coefficients
+
+    def camera(self, shared):
+        focal, center, coefficients = self._split(shared)
+        matrix = np.diag([*focal, 1.0])
+        matrix[:2, 2] = center
+        return OpenCVCamera(matrix, coefficients, self.start_camera.image_size)
+
+    def project(self, shared, points):
+        """As `_TsaiModel.project`."""
+        focal, center, (k1, k2, p1, p2, k3) = self._split(shared)
+        if focal.min() <= 0 or points[:, 2].min() <= 0:
+            return None
+        x, y = normalized = points[:, :2].T / points[:, 2]
+        r2 = x * x + y * y
+        radial, slope = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), k1 + r2 * (2 * k2 + r2 * 3 * k3)
+        x_d = radial * x + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        y_d = radial * y + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        mixed = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+        by_normalized = np.empty((len(points), 2, 2))
+        by_normalized[:, 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+        by_normalized[:, 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+        by_normalized[:, 0, 1] = by_normalized[:, 1, 0] = mixed
+        by_coefficients = np.stack([
+            [x * r2, x * r2**2, 2 * x * y, r2 + 2 * x * x, x * r2**3],
+            [y * r2, y * r2**2, r2 + 2 * y * y, 2 * x * y, y * r2**3],
+        ]).transpose(2, 0, 1)[:, :, self.coefficients]
+        by_focal = np.zeros((len(points), 2, 2))
+        by_focal[:, 0, 0], by_focal[:, 1, 1] = x_d, y_d
+        if not self.two:
+            by_focal = by_focal @ np.array([[1.0], [self.aspect]])
+        by_center = np.broadcast_to(np.eye(2), (len(points), 2, 2))[:, :, : 2 * self.free_center]
+        by_shared = np.concatenate([by_focal, by_center, by_coefficients * focal[:, None]], axis=2)
+        by_point = _by_point(by_normalized * focal[:, None], normalized.T, 1.0, points)
+        return np.column_stack([x_d, y_d]) * focal + center, by_shared, by_point
+
+
+def _by_point(by_x_u, x_u, focal_length, points):
+    """Derivatives (n, 2, 3) by the point in the camera frame, from those by x_u = f (x, y) / z."""
+    by_point = np.empty((len(points), 2, 3))
+    by_point[:, :, :2] = focal_length * by_x_u
+    by_point[:, :, 2] = -(by_x_u @ x_u[:, :, None])[:, :, 0]
+    return by_point / points[:, 2, None, None]
+
+
+# --- views and poses ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Views:
+    """All views' points (V, m, 3) from their centroids (V, 3), their images (V, m, 2), and 1 where there is one."""
+
+    points: np.ndarray
+    centroids: np.ndarray
+    image: np.ndarray
+    used: np.ndarray
+
+    @classmethod
+    def stack(cls, object_points, image_points):
+        shape = len(object_points), max(len(points) for points in object_points)
+        points, image, used = np.zeros((*shape, 3)), np.zeros((*shape, 2)), np.zeros(shape)
+        centroids = np.array([points.mean(axis=0) for points in object_points])
+        for view, (p, q) in enumerate(zip(object_points, image_points, strict=True)):
+            points[view, : len(p)], image[view, : len(p)], used[view, : len(p)] = p - centroids[view], q, 1
+        return cls(points, centroids, image, used)
+
+
+@dataclass(frozen=True)
+class _State:
+    """Parameters: the camera's, and each view's rotation (V, 3, 3) and position (V, 3) of the centroid.
+
+    The data determine the centroid's position far better than that of a distant origin.
     """
 
-    def __init__(self, object_points, image_points, camera, free_principal_point):
-        self.object_points, self.image_points, self.camera = object_points, image_points, camera
-        self.names = ["focal_length", "kappa1", *("c_x", "c_y") * free_principal_point]
-        self.centroids = [points.mean(axis=0) for points in object_points]
-        self.start_rotations = None
+    shared: np.ndarray
+    rotations: np.ndarray
+    positions: np.ndarray
 
-    def start(self):
-        """Starting parameters, kappa1 = 0; sets the rotations that the parameters turn."""
-        focal_length = _linear_focal_length(self.object_points, self.image_points, self.camera)
-        matrix = np.diag([*(focal_length * self.camera.pixels_per_mm), 1.0])
-        matrix[:2, 2] = self.camera.principal_point
-        views = zip(self.object_points, self.image_points, self.centroids, strict=True)
-        poses = [_pnp(points - centroid, measured, matrix) for points, measured, centroid in views]
-        self.start_rotations = [pose.rotation for pose in poses]
-        intrinsics = [focal_length, 0.0, *self.camera.principal_point][: len(self.names)]
-        return np.concatenate([intrinsics, *([0, 0, 0, *pose.translation] for pose in poses)])
+    def moved(self, shared, turns, shifts):
+        """After a step; `turns` (V, 3) are rotation vectors about the camera's axes, applied after the rotation."""
+        rotations = Rotation.from_rotvec(turns).as_matrix() @ self.rotations
+        return _State(self.shared + shared, rotations, self.positions + shifts)
 
-    def residuals(self, parameters):
-        """Signed residuals x, y, x, y, ... of all views, px; infinite where a point has no image."""
-        intrinsics, blocks = self._split(parameters)
-        projected = [
-            _project(intrinsics, Rotation.from_rotvec(block[:3]).apply(start.apply(points - centroid)), block[3:])
-            for points, centroid, start, block in self._views(blocks)
+    def poses(self, views):
+        """Poses of the objects' own origins."""
+        origins = self.positions - np.einsum("vij,vj->vi", self.rotations, views.centroids)
+        return [
+            RigidTransform.from_components(origin, Rotation.from_matrix(rotation))
+            for origin, rotation in zip(origins, self.rotations, strict=True)
         ]
-        return (np.concatenate(projected) - np.concatenate(self.image_points)).ravel()
 
-    def jacobian(self, parameters):
-        """Derivatives of `residuals` by all parameters."""
-        intrinsics, blocks = self._split(parameters)
-        pairs = []
-        for points, centroid, start, block in self._views(blocks):
-            turned = Rotation.from_rotvec(block[:3]).apply(start.apply(points - centroid))
-            by_intrinsics, by_pose = _project_jacobian(intrinsics, turned, block[3:])
-            by_pose[:, :3] = by_pose[:, :3] @ left_jacobian(block[:3])
-            pairs.append((by_intrinsics[:, : len(self.names)], by_pose))
-        return _assemble(pairs)
 
-    def unpack(self, parameters):
-        """Parameters as a camera and poses of the objects' own origins."""
-        intrinsics, blocks = self._split(parameters)
-        poses = []
-        for _, centroid, start, block in self._views(blocks):
-            rotation = Rotation.from_rotvec(block[:3]) * start
-            poses.append(RigidTransform.from_components(block[3:] - rotation.apply(centroid), rotation))
-        return intrinsics, poses
+def _start(model, views, object_points, image_points):
+    """Where to start: from homographies if the views are of planes and these give an f, else from stage 1."""
+    camera = model.start_camera
+    matrix, focal_length = np.diag([*camera.pixels_per_mm, 1.0]), None
+    matrix[:2, 2] = camera.principal_point
+    if all(is_planar(points) for points in object_points):
+        sensor = _homographies(views, camera)
+        focal_length = _focal_length_of(sensor)
+    if focal_length is not None:
+        rotations, positions = _poses_of(sensor, focal_length)
+        state = _State(model.start(focal_length), rotations, positions)
+        if _evaluate(model, views, state) is not None:
+            return state
+    focal_length = _linear_focal_length(object_points, image_points, camera)
+    matrix = matrix @ np.diag([focal_length, focal_length, 1.0])
+    poses = [
+        _pnp(points - centroid, measured, matrix)
+        for points, measured, centroid in zip(object_points, image_points, views.centroids, strict=True)
+    ]
+    rotations = np.array([pose.rotation.as_matrix() for pose in poses])
+    return _State(model.start(focal_length), rotations, np.array([pose.translation for pose in poses]))
 
-    def covariance(self, camera, poses, squared_sum):
-        """Covariance of the parameters, translations being those of the objects' own origins."""
-        pairs = [
-            _project_jacobian(camera, pose.rotation.apply(points), pose.translation)
-            for points, pose in zip(self.object_points, poses, strict=True)
-        ]
-        jacobian = _assemble([(by_intrinsics[:, : len(self.names)], by_pose) for by_intrinsics, by_pose in pairs])
-        return covariance_table(jacobian, squared_sum, self.names + pose_names(len(poses)))
 
-    def _split(self, parameters):
-        """The camera and the (views, 6) pose blocks; a trial step to f <= 0 gets the smallest f there is."""
-        count = len(self.names)
-        focal_length, kappa1 = max(parameters[0], np.finfo(float).tiny), parameters[1]
-        center = tuple(parameters[2:4]) if count == 4 else self.camera.principal_point
-        camera = replace(self.camera, focal_length=focal_length, kappa1=kappa1, principal_point=center)
-        return camera, parameters[count:].reshape(-1, 6)
+def _homographies(views, camera):
+    """Homographies (V, 3, 3) from the planes to the sensor, mm, by the normalised direct linear transform."""
+    sensor = (views.image - camera.principal_point) / camera.pixels_per_mm
+    source, from_plane = _normalised(views.points[:, :, :2], views.used)
+    target, from_sensor = _normalised(sensor, views.used)
+    ones, zeros = views.used[:, :, None], np.zeros_like(source[:, :, :1])
+    rows = np.concatenate([source, ones, zeros, zeros, zeros], axis=2)
+    other = np.concatenate([zeros, zeros, zeros, source, ones], axis=2)
+    plane = np.concatenate([source, ones], axis=2)
+    design = np.concatenate(
+        [
+            np.concatenate([rows, -target[:, :, :1] * plane], axis=2),
+            np.concatenate([other, -target[:, :, 1:] * plane], axis=2),
+        ],
+        axis=1,
+    )
+    smallest = np.linalg.eigh(design.transpose(0, 2, 1) @ design)[1][:, :, 0].reshape(-1, 3, 3)
+    return np.linalg.inv(from_sensor) @ smallest @ from_plane
 
-    def _views(self, blocks):
-        return zip(self.object_points, self.centroids, self.start_rotations, blocks, strict=True)
+
+def _normalised(points, used):
+    """Points with mean 0 and mean square 2, zero where unused, and the matrices (V, 3, 3) that make them so."""
+    count = used.sum(axis=1)
+    mean = (points * used[:, :, None]).sum(axis=1) / count[:, None]
+    points = (points - mean[:, None]) * used[:, :, None]
+    scale = np.sqrt(2 * count / np.maximum((points**2).sum(axis=(1, 2)), 1e-300))
+    matrix = np.zeros((len(points), 3, 3))
+    matrix[:, 0, 0] = matrix[:, 1, 1] = scale
+    matrix[:, :2, 2], matrix[:, 2, 2] = -scale[:, None] * mean, 1
+    return points * scale[:, None, None], matrix
+
+
+def _focal_length_of(homographies):
+    """f, mm, by least squares over Zhang's two constraints of each view, or None: the columns h1, h2 of
+    diag(1/f, 1/f, 1) H are orthogonal and of one length."""
+    h1, h2 = (homographies / np.linalg.norm(homographies, axis=(1, 2), keepdims=True)).transpose(2, 0, 1)[:2]
+    lateral = np.concatenate([h1[:, :2] * h2[:, :2], (h1[:, :2] ** 2 - h2[:, :2] ** 2) / 2]).sum(axis=1)
+    axial = np.concatenate([h1[:, 2] * h2[:, 2], (h1[:, 2] ** 2 - h2[:, 2] ** 2) / 2])
+    inverse_square = -(lateral @ axial) / max(lateral @ lateral, 1e-300)
+    return inverse_square**-0.5 if inverse_square > 0 else None
+
+
+def _poses_of(homographies, focal_length):
+    """Rotations (V, 3, 3) and positions (V, 3) of planes from their homographies to the sensor."""
+    columns = np.diag([1 / focal_length, 1 / focal_length, 1.0]) @ homographies
+    scale = (np.linalg.norm(columns[:, :, 0], axis=1) + np.linalg.norm(columns[:, :, 1], axis=1)) / 2
+    columns = columns * (np.sign(columns[:, 2, 2]) / scale)[:, None, None]
+    third = np.cross(columns[:, :, 0], columns[:, :, 1])
+    left, _, right = np.linalg.svd(np.stack([columns[:, :, 0], columns[:, :, 1], third], axis=2))
+    return left @ right, columns[:, :, 2]
 
 
 def _linear_focal_length(object_points, image_points, camera):
@@ -164,47 +425,163 @@ def _pnp(object_points, image_points, camera_matrix):
     return RigidTransform.from_components(translation.ravel(), Rotation.from_rotvec(rotation.ravel()))
 
 
-def _project(camera, turned, translation):
-    """Image points (n, 2) of points R p (n, 3) at a translation; infinite where there is no image."""
-    points = turned + translation
-    front = points[:, 2:] > 0
-    undistorted = camera.focal_length * points[:, :2] / np.where(front, points[:, 2:], 1.0)
-    radius = np.hypot(*undistorted.T)[:, None]
-    distorted = distort_radius(radius, camera.kappa1)
-    projected = camera.to_image(undistorted / (1 + camera.kappa1 * distorted**2))
-    return np.where(front & (radius <= max_undistorted_radius(camera.kappa1)), projected, np.inf)
+# --- least squares -----------------------------------------------------------------------------------------
 
 
-def _project_jacobian(camera, turned, translation):
-    r"""Derivatives (2n, 4) by f, kappa1, c_x, c_y and (2n, 6) by a turn about the camera's axes and a shift.
+def _evaluate(model, views, state):
+    """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by the camera, a turn and a shift; None without an image."""
+    turned = views.points @ state.rotations.transpose(0, 2, 1)
+    points = (turned + state.positions[:, None]).reshape(-1, 3)
+    projection = model.project(state.shared, points)
+    if projection is None:
+        return None
+    image, by_shared, by_point = projection
+    x, y, z = turned.reshape(-1, 1, 3).transpose(2, 0, 1)
+    by_x, by_y, by_z = by_point.transpose(2, 0, 1)
+    by_turn = np.stack([y * by_z - z * by_y, z * by_x - x * by_z, x * by_y - y * by_x], axis=2)
+    jacobian = np.concatenate([by_shared, by_turn, by_point], axis=2)
+    return image.reshape(views.image.shape) - views.image, jacobian.reshape(*views.image.shape, -1)
 
-    With :math:`h = 1 / (1 + \kappa_1 r_d^2)` and :math:`s = 1 + 3 \kappa_1 r_d^2`, Eq. 3 solved for
-    :math:`x_d = h x_u` has :math:`dx_d/dx_u = h I - (2 \kappa_1 h^3 / s) x_u x_u^T` and
-    :math:`dx_d/d\kappa_1 = -(h r_d^2 / s) x_u`.
-    """
-    points = turned + translation
-    x_u = camera.focal_length * points[:, :2] / points[:, 2:]
-    squared = distort_radius(np.hypot(*x_u.T), camera.kappa1)[:, None] ** 2
-    h, s = 1 / (1 + camera.kappa1 * squared), 1 + 3 * camera.kappa1 * squared
-    outer = x_u[:, :, None] * x_u[:, None, :]
-    by_x_u = h[..., None] * np.eye(2) - (2 * camera.kappa1 * h**3 / s)[..., None] * outer
-    by_x_u = camera.pixels_per_mm[:, None] * by_x_u
-    by_focal_length = by_x_u @ x_u[:, :, None] / camera.focal_length
-    by_kappa1 = (camera.pixels_per_mm * (-h * squared / s) * x_u)[:, :, None]
-    by_center = np.broadcast_to(np.eye(2), (len(points), 2, 2))
-    x_u_by_point = (
-        np.concatenate(
-            [np.broadcast_to(camera.focal_length * np.eye(2), (len(points), 2, 2)), -x_u[:, :, None]], axis=2
-        )
-        / points[:, 2, None, None]
+
+@dataclass(frozen=True)
+class _Equations:
+    """The normal equations' blocks A (k, k), B (V, k, 6), C (V, 6, 6), the gradient's, and the weighted cost."""
+
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    shared_gradient: np.ndarray
+    pose_gradient: np.ndarray
+    cost: float
+
+    @classmethod
+    def of(cls, residuals, jacobian, weights):
+        v, m, _, columns = jacobian.shape
+        k, root = columns - 6, np.sqrt(weights)[:, :, None]
+        rows = (jacobian * root[..., None]).reshape(v, 2 * m, columns)
+        residuals = (residuals * root).reshape(v, 2 * m, 1)
+        normal, gradient = rows.transpose(0, 2, 1) @ rows, (rows.transpose(0, 2, 1) @ residuals)[:, :, 0]
+        blocks = normal[:, :k, :k].sum(axis=0), normal[:, :k, k:], normal[:, k:, k:]
+        return cls(*blocks, gradient[:, :k].sum(axis=0), gradient[:, k:], float(np.sum(residuals**2)))
+
+    def eliminated(self, damping=0.0):
+        """S (k, k), and C^-1 B^T (V, 6, k) and C^-1 times the poses' gradient (V, 6, 1)."""
+        k = len(self.a)
+        grown = 1 + damping
+        c = self.c.copy()
+        c[:, range(6), range(6)] *= grown
+        solved = np.linalg.solve(c, np.concatenate([self.b.transpose(0, 2, 1), self.pose_gradient[:, :, None]], axis=2))
+        schur = self.a - (self.b @ solved[:, :, :k]).sum(axis=0)
+        schur[range(k), range(k)] += damping * np.diagonal(self.a)
+        return schur, solved[:, :, :k], solved[:, :, k:]
+
+    def step(self, damping):
+        """Steps of the camera's parameters, turns and shifts, and the decrease of the cost that they promise."""
+        schur, by_shared, by_gradient = self.eliminated(damping)
+        reduced = self.shared_gradient - (self.b @ by_gradient).sum(axis=0)[:, 0]
+        scale = np.sqrt(np.diagonal(self.a))
+        shared = -np.linalg.solve(schur / np.outer(scale, scale), reduced / scale) / scale
+        pose = -(by_gradient[:, :, 0] + by_shared @ shared)
+        promised = -(self.shared_gradient @ shared + np.sum(self.pose_gradient * pose))
+        return shared, pose[:, :3], pose[:, 3:], promised
+
+
+def _minimise(model, views, state, weights):
+    """Levenberg and Marquardt's method; the state at the minimum and its `_Equations`."""
+    evaluated = _evaluate(model, views, state)
+    if evaluated is None:
+        raise CalibrationError("the starting solution does not see all points; check their order")
+    equations, damping, growth = _Equations.of(*evaluated, weights), 1e-4, 2.0
+    floor = np.sum(weights) * SMALLEST_RMS**2
+    for _ in range(MAX_STEPS):
+        *step, promised = equations.step(damping)
+        trial = state.moved(*step)
+        evaluated = _evaluate(model, views, trial)
+        found = None if evaluated is None else _Equations.of(*evaluated, weights)
+        noise = max(equations.cost, floor) / views.used.sum()
+        if found is not None and found.cost <= equations.cost:
+            gain = (equations.cost - found.cost) / max(promised, 1e-300)
+            damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
+            state, equations = trial, found
+        else:
+            damping, growth = damping * growth, 2 * growth
+        if promised <= SMALL_STEP**2 * noise and damping < 1 or damping > 1e12 or equations.cost <= floor:
+            break
+    return state, equations
+
+
+def _minimise_robust(model, views, state, loss):
+    """Repeated weighted least squares: weights by the distances, which are judged by their median."""
+    for _ in range(ROBUST_ROUNDS):
+        distances = np.hypot(*np.moveaxis(_evaluate(model, views, state)[0], -1, 0))
+        sigma = np.median(distances[views.used > 0]) / np.sqrt(2 * np.log(2))  # per axis: distances are Rayleigh's
+        scaled = distances / max(sigma, SMALLEST_RMS)
+        weights = np.minimum(1, HUBER / np.maximum(scaled, HUBER)) if loss == "huber" else 1 / (1 + (scaled / CAUCHY) ** 2)
+        before = state
+        state, equations = _minimise(model, views, state, weights * views.used)
+        if np.allclose(before.shared, state.shared, rtol=1e-10, atol=0):
+            break
+    return state, equations
+
+
+def _covariance(model, views, state, equations, freedom):
+    """Covariance of all parameters as a labelled table, translations being those of the objects' own origins."""
+    schur, by_shared, _ = equations.eliminated()
+    k, v = len(schur), len(by_shared)
+    scale = np.sqrt(np.diagonal(equations.a))
+    values, vectors = np.linalg.eigh(schur / np.outer(scale, scale))
+    if not values[0] > LEAST_INFORMATION:
+        raise CalibrationError(_undetermined(model.names, vectors[:, 0], -by_shared @ (vectors[:, 0] / scale)))
+    shared = (vectors / values @ vectors.T) / np.outer(scale, scale)
+    to_origin = np.zeros((v, 6, 6))  # the origin's shift is the centroid's less the turn times the way between them
+    to_origin[:, range(6), range(6)] = 1
+    x, y, z = np.einsum("vij,vj->iv", state.rotations, views.centroids)
+    to_origin[:, 3, 1], to_origin[:, 4, 0], to_origin[:, 5, 0] = -z, z, -y
+    to_origin[:, 3, 2], to_origin[:, 4, 2], to_origin[:, 5, 1] = y, -x, x
+    by_shared = (to_origin @ by_shared).reshape(6 * v, k)
+    own = to_origin @ np.linalg.inv(equations.c) @ to_origin.transpose(0, 2, 1)
+    whole = np.empty((k + 6 * v, k + 6 * v))
+    whole[:k, :k] = shared
+    whole[k:, :k] = -by_shared @ shared
+    whole[:k, k:] = whole[k:, :k].T
+    whole[k:, k:] = by_shared @ shared @ by_shared.T
+    poses = whole[k:, k:].reshape(v, 6, v, 6)
+    poses[range(v), :, range(v), :] += own
+    names = model.names + pose_names(v)
+    return pd.DataFrame(equations.cost / freedom * whole, names, names)
+
+
+def _undetermined(names, direction, poses):
+    """What can change without moving a point, in words: names of the parameters, and T_z if the poses shift along it."""
+    free = [name for name, part in zip(names, direction, strict=True) if abs(part) > 0.1 * np.abs(direction).max()]
+    shifts = np.abs(poses[:, 3:]).max(axis=0)
+    along_axis = ["T_z"] if shifts[2] > 0.1 * shifts.max() and shifts.max() > 0 else []
+    return (
+        f"the views do not determine all of {', '.join(names)}: {' and '.join(free + along_axis)} trade off, they can change "
+        "together without moving a point; add views of other tilts (about 30 deg)"
     )
-    by_shift = by_x_u @ x_u_by_point
-    by_turn = np.cross(turned[:, None, :], by_shift)
-    by_intrinsics = np.concatenate([by_focal_length, by_kappa1, by_center], axis=2)
-    return by_intrinsics.reshape(-1, 4), np.concatenate([by_turn, by_shift], axis=2).reshape(-1, 6)
 
 
-def _assemble(pairs):
-    """One Jacobian from each view's derivatives by the shared parameters and by its own pose."""
-    shared, own = zip(*pairs, strict=True)
-    return np.hstack([np.concatenate(shared), block_diag(*own)])
+def _demand_tilt(object_points, poses, covariance):
+    """Refuse a set of planes that are all fronto-parallel as far as their own sigmas can tell."""
+    if not all(is_planar(points) for points in object_points):
+        return
+    tilts, sigmas = [], []
+    for view, pose in enumerate(poses):
+        normal = pose.rotation.as_matrix()[:, 2]
+        across = np.array([-normal[1], normal[0]])  # the axis of the tilt, times its sine
+        names = [f"rx_{view}", f"ry_{view}"]
+        sine = np.linalg.norm(across)
+        axis = across / sine if sine > 0 else np.array([1.0, 0.0])
+        tilts.append(np.degrees(np.arcsin(min(sine, 1.0))))
+        sigmas.append(np.degrees(np.sqrt(axis @ covariance.loc[names, names].to_numpy() @ axis)))
+    if all(tilt < TILT_SIGNIFICANCE * sigma or tilt < 0.05 for tilt, sigma in zip(tilts, sigmas, strict=True)):
+        raise CalibrationError(
+            f"all planes are seen from straight ahead (tilts up to {max(tilts):.2g} deg, not distinguishable from 0): "
+            "f and T_z trade off and are not determined; tilt the board by about 30 deg"
+        )
+
+
+def _demand(value, name, allowed):
+    if value not in allowed:
+        raise ValueError(f"{name} is {value!r}; expected {' or '.join(map(repr, allowed))}")

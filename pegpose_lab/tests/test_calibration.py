@@ -21,7 +21,6 @@ from pegpose_lab import (
 )
 from pegpose_lab.calibration import covariance_table, pose_names
 from pegpose_lab.experiment import paper_experiment, paper_pose
-from pegpose_lab.joint import _JointProblem
 from pegpose_lab.two_stage import TwoStageObjective, kappa1_per_point, kappa1_shared
 
 EXPERIMENT = paper_experiment()
@@ -343,19 +342,6 @@ def test_joint_ends_at_the_noise_floor_with_honest_sigmas(principal_point):
     assert np.mean(ratios) == pytest.approx(1, abs=0.02)
     assert np.std(ratios) == pytest.approx(1 / np.sqrt(2 * (coordinates - parameters)), rel=0.35)
     assert np.sqrt(np.mean(np.square(errors), axis=0)) == pytest.approx(np.ones(len(errors[0])), abs=0.35)
-
-
-def test_joint_derivatives_are_exact():
-    problem = _JointProblem(*five_views(0.1), CAMERA, True)
-    parameters = problem.start()
-    parameters += np.r_[0.5, 2e-5, 3, -4, 0.2 * np.random.default_rng(1).standard_normal(30)]
-    steps = np.diag(1e-5 * np.maximum(np.abs(parameters), 1e-5))
-    forward, backward = (
-        np.array([problem.residuals(parameters + sign * step) for step in steps]) for sign in (1, -1)
-    )
-    numeric = ((forward - backward) / (2 * steps.sum(axis=1, keepdims=True))).T
-    exact = problem.jacobian(parameters)
-    assert np.all(np.linalg.norm(exact - numeric, axis=0) < 1e-6 * np.linalg.norm(exact, axis=0))
 
 
 def test_covariance_is_that_of_a_linear_fit():
