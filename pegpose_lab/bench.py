@@ -39,6 +39,7 @@ import platform
 import subprocess
 import sys
 import tempfile
+import time
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
@@ -53,8 +54,9 @@ from scipy.special import ndtr
 from tqdm import tqdm
 
 from . import experiment, peers, results
+from .joint import calibrate_joint
 from .render import HubLook, TrueDisc, disc_outline, expose, render_hub, true_disc
-from .targets import Hub
+from .targets import Checkerboard, Hub
 
 RADIUS_RANGE = (40.0, 60.0)  # px, for 1600 x 1200 px; the pegs have 46 to 51
 TOLERANCE = 0.1  # of the radius: what counts as detected
@@ -103,10 +105,12 @@ TARGET_NOISE = 5
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured: {scene: (frames, noise levels)}, sizes in megapixels, methods, whose memory."""
+    """How much is measured: {scene: (frames, noise levels)}, sizes in megapixels, numbers of views, methods, whose
+    memory."""
 
     cells: dict
     sizes: tuple
+    views: tuple
     methods: tuple = tuple(peers.METHODS)
     memory: tuple = tuple(peers.METHODS)
     repeats: int = 3
@@ -116,8 +120,9 @@ _MAIN, _OTHER = list(SCENES)[:4], list(SCENES)[4:]
 FULL = Plan(
     dict.fromkeys(_MAIN, (200, (1, 2, 5, 10))) | dict.fromkeys(_OTHER, (50, (TARGET_NOISE,))),
     (0.5, 1, 2, 5, 10, 20),
+    (5, 13, 25, 50, 100, 200),
 )
-QUICK = Plan(dict.fromkeys(_MAIN, (1, (TARGET_NOISE,))), (0.5, 2), memory=(peers.OURS,), repeats=1)
+QUICK = Plan(dict.fromkeys(_MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), memory=(peers.OURS,), repeats=1)
 
 
 # ---- frames ----
@@ -512,7 +517,47 @@ def _scaled(camera, scale):
 def growth(sizes, method=peers.OURS):
     """Exponent of time over size: the slope of ln(ms) over ln(megapixels)."""
     rows = sizes[sizes["method"] == method]
-    return float(np.polyfit(np.log(rows["megapixels"]), np.log(rows["ms"]), 1)[0])
+    return _slope(rows["megapixels"], rows["ms"])
+
+
+def _slope(size, time):
+    return float(np.polyfit(np.log(size), np.log(time), 1)[0])
+
+
+def measure_joint(views, *, repeats=3):
+    """Time of `calibrate_joint` and of `cv2.calibrateCamera` with the same unknowns: f_x, f_y, c_x, c_y, k1, poses.
+
+    Parameters
+    ----------
+    views : sequence of int
+        Numbers of views; each shows 48 simulated corners of a board tilted by 30 degrees, with 0.1 px of noise.
+    repeats : int
+
+    Returns
+    -------
+    DataFrame
+        views, ms, opencv_ms (medians), ratio, rms_difference: ours less OpenCV's, px.
+    """
+    rows, camera = [], _camera()
+    board = Checkerboard(8, 6, 29.0)
+    flags = cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    with _one_thread():
+        for number in tqdm(views, unit="set", desc="joint ", disable=None):
+            rng = np.random.default_rng([SEED, number])
+            poses = experiment.trial_poses(board, 30.0, number, rng)
+            images = [camera.project(board.object_points, pose) + 0.1 * rng.standard_normal((48, 2)) for pose in poses]
+            points, times, opencv_times = [board.object_points] * number, [], []
+            single = [[array.astype(np.float32) for array in arrays] for arrays in (points, images)]
+            for _ in range(repeats + 1):
+                start = time.process_time()
+                found = calibrate_joint(points, images, camera, focal="two", coefficients=("k1",))
+                times.append(time.process_time() - start)
+                start = time.process_time()
+                rms = cv2.calibrateCamera(*single, camera.image_size, None, None, flags=flags)[0]
+                opencv_times.append(time.process_time() - start)
+            ours, theirs = 1e3 * np.median(times[1:]), 1e3 * np.median(opencv_times[1:])
+            rows.append((number, ours, theirs, ours / theirs, found.rms - rms))
+    return pd.DataFrame(rows, columns=["views", "ms", "opencv_ms", "ratio", "rms_difference"])
 
 
 # ---- the report ----
@@ -520,11 +565,13 @@ def growth(sizes, method=peers.OURS):
 
 @dataclass(frozen=True)
 class Report:
-    """Tables of a run: `circles` (`summarize`), `methods`, `sizes` (`measure_sizes`), `targets` (`judge`)."""
+    """Tables of a run: `circles` (`summarize`), `methods`, `sizes` (`measure_sizes`), `joint` (`measure_joint`),
+    `targets` (`judge`)."""
 
     circles: pd.DataFrame
     methods: pd.DataFrame
     sizes: pd.DataFrame
+    joint: pd.DataFrame
     targets: pd.DataFrame
 
 
@@ -539,7 +586,8 @@ def run(plan=FULL, *, workers=WORKERS):
     circles = summarize(frames, discs)
     methods = describe_methods(plan)
     sizes = measure_sizes(plan.sizes, repeats=plan.repeats)
-    return Report(circles, methods, sizes, judge(circles, methods, sizes))
+    joint = measure_joint(plan.views, repeats=plan.repeats)
+    return Report(circles, methods, sizes, joint, judge(circles, methods, sizes, joint))
 
 
 def describe_methods(plan):
@@ -562,7 +610,7 @@ _LIMITS = {
 }
 
 
-def judge(circles, methods, sizes):
+def judge(circles, methods, sizes, joint):
     """What was aimed at, beside what was measured.
 
     Returns
@@ -580,18 +628,21 @@ def judge(circles, methods, sizes):
     memory = methods.set_index("method").loc[peers.OURS, "memory_mb"]
     rows.append(("tilt", "memory, MB", np.nan, 100.0, memory))
     rows.append(("clean", "exponent of time over megapixels", np.nan, 1.1, growth(sizes)))
+    thirteen = joint.loc[joint["views"] == 13, "ratio"].item()
+    rows.append(("joint", "time / cv2.calibrateCamera, 13 views", np.nan, 3.0, thirteen))
+    rows.append(("joint", "exponent of time over views", np.nan, 1.1, _slope(joint["views"], joint["ms"])))
     table = pd.DataFrame(rows, columns=["scene", "quantity", "low", "high", "measured"])
     below, above = table["measured"] < table["low"], table["measured"] > table["high"]
     table["met"] = np.where(table["measured"].isna(), "not measured", np.where(below | above, "no", "yes"))
     return table
 
 
-def _scene_targets(row, center, radius, time, false_positives, detection, spread):
+def _scene_targets(row, center, radius, ratio, false_positives, detection, spread):
     """A scene's part of `judge`'s rows."""
     return [
         (row.scene, "centre / bound", np.nan, center, row.center),
         (row.scene, "radius / bound", np.nan, radius, row.radius),
-        (row.scene, f"time / {peers.REFERENCE}", np.nan, time, row.time_ratio),
+        (row.scene, f"time / {peers.REFERENCE}", np.nan, ratio, row.time_ratio),
         (row.scene, "detection, %", detection, np.nan, row.detection),
         (row.scene, "false positives per frame", np.nan, false_positives, row.false_positives),
         (row.scene, "sd of centre error / sigma", *spread, row.center_sd),
@@ -601,7 +652,7 @@ def _scene_targets(row, center, radius, time, false_positives, detection, spread
 
 
 def write(report, folder, readme=None):
-    """Write bench_circles, bench_methods, bench_sizes and bench_targets (.csv and .tex) into a folder.
+    """Write bench_circles, _methods, _sizes, _joint and _targets (.csv and .tex) into a folder.
 
     Parameters
     ----------
@@ -649,6 +700,10 @@ def to_markdown(report):
             rows = [list(_SHOWN.values()), *(_shown(row) for row in part[list(_SHOWN)].to_numpy())]
             lines += ["", f"**{scene.name}**: {note}", "", results.markdown(rows, "l" + "r" * (len(_SHOWN) - 1))]
     lines += _absent(report.methods)
+    head = ["views", "ms", "OpenCV's ms", "ratio"]
+    rows = [_shown(row) for row in report.joint[["views", "ms", "opencv_ms", "ratio"]].to_numpy(float)]
+    lines += ["", "**joint**: `calibrate_joint` beside `cv2.calibrateCamera`, same corners and unknowns", ""]
+    lines += [results.markdown([head, *rows], "rrrr")]
     head = ["scene", "quantity", "low", "high", "measured", "met"]
     rows = [_shown(row) for row in report.targets[head].to_numpy()]
     return "\n".join([*lines, "", "Aims and what was measured:", "", results.markdown([head, *rows], "llrrrl")])

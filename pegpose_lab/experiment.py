@@ -303,7 +303,7 @@ def _finished(path):
     """The rows of the file, none if there is no file yet."""
     if path is None or not Path(path).exists():
         return _as_table([])
-    table = pd.read_csv(path, keep_default_na=True)
+    table = pd.read_csv(path, dtype={"status": str})
     if list(table.columns) != _COLUMNS:
         raise ValueError(f"path {path} has columns {', '.join(table.columns)}; expected {', '.join(_COLUMNS)}")
     return table.astype({"noise": float, "tilt": float}).fillna({"status": ""})

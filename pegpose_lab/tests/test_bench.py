@@ -30,7 +30,7 @@ def frames():
 @pytest.fixture(scope="module")
 def measured():
     """Two clean frames, two levels of noise."""
-    plan = bench.Plan({CLEAN: (2, (1, 5))}, (), FAST)
+    plan = bench.Plan({CLEAN: (2, (1, 5))}, (), (), FAST)
     return bench.measure(plan, workers=1)
 
 
@@ -236,7 +236,7 @@ def test_missing_packages_are_named(monkeypatch, tmp_path):
     assert peers.version(method) == ""
     monkeypatch.setattr(peers.importlib.util, "find_spec", lambda _: None)
     assert "scikit-image" in peers.missing(peers.METHODS["skimage hough_circle"])
-    plan = bench.Plan({}, (), ("EdgeDrawing",), ("EdgeDrawing",))
+    plan = bench.Plan({}, (), (), ("EdgeDrawing",), ("EdgeDrawing",))
     assert bench.describe_methods(plan)["missing"][0] == peers.missing(method)
     assert bench._methods_for(plan, 0, 10) == []
 
@@ -331,12 +331,13 @@ def _report(**changes):
         {"method": [peers.OURS, "EdgeDrawing"], "memory_mb": [99.0, np.nan], "missing": ["", "not installed"]}
     )
     sizes = pd.DataFrame({"megapixels": [0.5, 20.0], "method": peers.OURS, "ms": [1.0, 40.0]})
-    return bench.Report(circles, methods, sizes, bench.judge(circles, methods, sizes))
+    joint = pd.DataFrame({"views": [13, 200], "ms": [20.0, 300.0], "opencv_ms": 10.0, "ratio": 3.0, "rms_difference": 0.0})
+    return bench.Report(circles, methods, sizes, joint, bench.judge(circles, methods, sizes, joint))
 
 
 def test_targets_are_met_at_their_limits():
     assert (_report().targets["met"] == "yes").all()
-    assert len(_report().targets) == 4 * 8 + 3
+    assert len(_report().targets) == 4 * 8 + 5
 
 
 @pytest.mark.parametrize(
@@ -368,9 +369,19 @@ def test_memory_and_growth_are_judged():
     report = _report()
     methods = report.methods.assign(memory_mb=[101.0, np.nan])
     sizes = report.sizes.assign(ms=[1.0, 60.0])
-    assert bench.judge(report.circles, methods, sizes)["met"].tolist()[-2:] == ["no", "no"]
-    unknown = bench.judge(report.circles, methods.assign(memory_mb=np.nan), sizes)
-    assert unknown["met"].tolist()[-2] == "not measured"
+    assert bench.judge(report.circles, methods, sizes, report.joint)["met"].tolist()[-4:] == ["no", "no", "yes", "yes"]
+    unknown = bench.judge(report.circles, methods.assign(memory_mb=np.nan), sizes, report.joint)
+    assert unknown["met"].tolist()[-4] == "not measured"
+    slow = report.joint.assign(ms=[1.0, 1000.0], ratio=3.1)
+    assert bench.judge(report.circles, methods, report.sizes, slow)["met"].tolist()[-2:] == ["no", "no"]
+
+
+def test_joint_calibration_is_measured_beside_opencv():
+    """Same corners and unknowns: the same rms, but for OpenCV's single precision."""
+    table = bench.measure_joint((3, 5), repeats=1)
+    assert table["views"].tolist() == [3, 5] and (table[["ms", "opencv_ms"]] > 0).all(axis=None)
+    assert_allclose(table["ratio"], table["ms"] / table["opencv_ms"])
+    assert table["rms_difference"].abs().max() < 1e-4
 
 
 def test_report_is_written_whole_and_read_back(tmp_path):
@@ -381,7 +392,7 @@ def test_report_is_written_whole_and_read_back(tmp_path):
     assert text.startswith("above\n<!-- bench:begin -->\n") and text.endswith("<!-- bench:end -->\nbelow\n")
     assert "before the run" not in text and "EdgeDrawing: not measured, not installed." in text and "1.05" in text
     assert bench.readme_is_current(readme, tmp_path / "results")
-    tables = ("circles", "methods", "sizes", "targets")
+    tables = ("circles", "methods", "sizes", "joint", "targets")
     names = {f"bench_{name}.{kind}" for name in tables for kind in ("csv", "tex")}
     assert {path.name for path in (tmp_path / "results").iterdir()} == names
     pd.testing.assert_frame_equal(bench.load(tmp_path / "results").circles, report.circles)
@@ -391,7 +402,7 @@ def test_report_is_written_whole_and_read_back(tmp_path):
 
 def test_report_as_text_counts_the_aims():
     text = bench.to_text(_report())
-    assert text.endswith("35 of 35 aims met.")
+    assert text.endswith("37 of 37 aims met.")
     assert json.loads(text.splitlines()[0])["opencv"] == bench.cv2.__version__
 
 

@@ -1,0 +1,94 @@
+"""Monte Carlo: the same numbers however they are computed, resumed where they stopped, and honest intervals."""
+
+import joblib
+import numpy as np
+import pandas as pd
+import pytest
+
+from pegpose_lab import experiment
+from pegpose_lab.experiment import METHODS, PARAMETERS, monte_carlo, paper_camera, trial_poses
+from pegpose_lab.targets import Checkerboard
+
+SMALL = {"noises": (0.05, 0.2), "tilts": (20.0, 30.0), "views": (3,), "trials": 2, "progress": False}
+
+
+def test_a_row_for_each_trial_in_order():
+    table = monte_carlo(**SMALL, methods=METHODS)
+    assert len(table) == 2 * 2 * 4 * 2 and (table["status"] == "").all()
+    keys = table[["seed", "noise", "tilt", "views", "method", "trial"]]
+    pd.testing.assert_frame_equal(keys, keys.sort_values(list(keys)).reset_index(drop=True))
+    assert table["focal_length_sigma"].notna().tolist() == table["method"].isin(["zhang", "joint"]).tolist()
+
+
+def test_numbers_do_not_depend_on_workers_or_on_what_else_is_asked():
+    one, two = (monte_carlo(**SMALL, workers=workers) for workers in (None, 2))
+    pd.testing.assert_frame_equal(one, two, rtol=1e-9)
+    alone = monte_carlo(**(SMALL | {"noises": (0.2,)}))
+    pd.testing.assert_frame_equal(alone, one[one["noise"] == 0.2].reset_index(drop=True), rtol=1e-9)
+
+
+def test_noise_levels_share_their_boards():
+    board = Checkerboard(8, 6, 29.0)
+    table = monte_carlo(**SMALL)
+    quiet, loud = (table[table["noise"] == noise].reset_index() for noise in (0.05, 0.2))
+    np.testing.assert_allclose(loud["focal_length_sigma"] / quiet["focal_length_sigma"], 4, rtol=0.2)
+    for pose in trial_poses(board, 45.0, 5, 1):
+        seen = paper_camera().project(board.object_points, pose)
+        assert seen.min() > 0 and np.all(seen.max(axis=0) < (1600, 1200))
+        assert np.degrees(np.arccos(pose.rotation.as_matrix()[2, 2])) == pytest.approx(45.0)
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    path = tmp_path / "trials.csv"
+    first = monte_carlo(**(SMALL | {"trials": 1}), path=path)
+    run, calls = experiment.run_trial, []
+    monkeypatch.setattr(experiment, "run_trial", lambda *key: calls.append(key) or run(*key))
+    table = monte_carlo(**SMALL, path=path)
+    assert len(calls) == 4 and all(key[-1] == 1 for key in calls)
+    pd.testing.assert_frame_equal(table[table["trial"] == 0].reset_index(drop=True), first)
+    pd.testing.assert_frame_equal(table, monte_carlo(**SMALL), rtol=1e-12)
+    assert len(calls) == 4 + 8 and len(pd.read_csv(path)) == 8
+
+
+def test_what_is_refused_is_a_row_with_its_reason():
+    table = monte_carlo(noises=(0.2,), tilts=(0.0,), views=(3,), trials=2, progress=False)
+    assert table["status"].str.contains("straight ahead").all() and table["focal_length"].isna().all()
+
+
+def test_the_noise_floor_and_the_intervals():
+    """rms / (sigma sqrt(2 (1 - p / 2n))) is 1, and 95 % intervals hold the truth as often as they say."""
+    table = monte_carlo(trials=150, progress=False)
+    floor = table["rms"] / table["expected_rms"]
+    assert floor.mean() == pytest.approx(1, abs=3 * floor.std() / np.sqrt(150)) and floor.mean() == pytest.approx(1, abs=0.03)
+    camera = paper_camera()
+    for name, true in zip(PARAMETERS, (camera.focal_length, *camera.principal_point, camera.kappa1), strict=True):
+        inside = np.abs(table[name] - true) < 1.96 * table[f"{name}_sigma"]
+        assert inside.mean() == pytest.approx(0.95, abs=3.3 * np.sqrt(0.95 * 0.05 / 150))
+
+
+@pytest.mark.parametrize(
+    "options, named",
+    [
+        ({"noises": (-1,)}, "noises"), ({"tilts": (80,)}, "tilts"), ({"views": (0,)}, "views"),
+        ({"methods": ("magic",)}, "methods"), ({"trials": 0}, "trials"),
+    ],
+)
+def test_unusable_options_are_named(options, named):
+    with pytest.raises(ValueError, match=named):
+        monte_carlo(**(SMALL | options))
+
+
+def test_another_file_is_refused(tmp_path):
+    path = tmp_path / "other.csv"
+    path.write_text("a,b\n1,2\n")
+    with pytest.raises(ValueError, match="columns"):
+        monte_carlo(**SMALL, path=path)
+    assert path.read_text() == "a,b\n1,2\n"
+
+
+def test_a_dask_cluster_takes_the_trials_over():
+    distributed = pytest.importorskip("dask.distributed", reason="optional: dask is not installed")
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+        with distributed.Client(cluster), joblib.parallel_config("dask"):
+            table = monte_carlo(**SMALL)
+    pd.testing.assert_frame_equal(table, monte_carlo(**SMALL), rtol=1e-9)
