@@ -60,17 +60,22 @@ class Calibration:
     @property
     def mean_distance(self):
         r"""Eq. 7, px: :math:`E = \frac{1}{n} \sum \sqrt{(x_f - x_i)^2 + (y_f - y_i)^2}`, a mean, not an rms."""
-        return float(np.hypot(*np.concatenate(self.residuals).T).mean())
+        return float(np.hypot(*self._all_residuals().T).mean())
 
     @property
     def rms(self):
         """Root of the mean squared distance, px: what OpenCV's calibrateCamera returns."""
-        return float(np.sqrt(np.mean(np.sum(np.concatenate(self.residuals) ** 2, axis=1))))
+        return float(np.sqrt(np.mean(np.sum(self._all_residuals() ** 2, axis=1))))
 
     @property
     def axis_std(self):
         """Standard deviation in x and in y, px, (2,): the MATLAB toolbox's "pixel error" (divisor n - 1)."""
-        return np.concatenate(self.residuals).std(axis=0, ddof=1)
+        return self._all_residuals().std(axis=0, ddof=1)
+
+    def _all_residuals(self):
+        if not self.residuals:
+            raise ValueError("this calibration has no residuals; it was read from a file that keeps the camera only")
+        return np.concatenate(self.residuals)
 
     def sigma(self, name):
         """Standard deviation of a parameter of `covariance`; ValueError if there is none of that name."""
@@ -84,18 +89,32 @@ class Calibration:
         product = self.sigma(first) * self.sigma(second)
         return float(self.covariance.loc[first, second] / product)
 
-    def save(self, path):
-        """Write the calibration as an OpenCV FileStorage YAML file, whole or not at all.
+    def save(self, path, form="opencv"):
+        """Write the calibration as a YAML file, whole or not at all.
 
-        ``camera_matrix``, ``distortion_coefficients``, ``image_width``, ``image_height`` and
-        ``extrinsic_parameters`` (rotation vector and translation, a row a view) are named as in OpenCV's
-        own calibration files, so its tools can read them; `load` reads the rest, too.
+        Parameters
+        ----------
+        path : path
+        form : {"opencv", "ros"}
+            OpenCV's FileStorage holds everything but `populations`; ``camera_matrix``, ``distortion_coefficients``,
+            ``image_width``, ``image_height`` and ``extrinsic_parameters`` (rotation vector and translation, a row a
+            view) are named as in OpenCV's own calibration files, so its tools can read them.  ROS's camera_info
+            holds the camera alone, as OpenCV's model (`TsaiCamera.to_opencv`).
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written.
+        ValueError
+            If the form is unknown, or ROS has no name for the camera's distortion.
         """
-        write_calibration(path, self)
+        write_calibration(path, self, form)
 
     @classmethod
     def load(cls, path):
-        """Read what `save` wrote.  Only numbers and text are read; nothing in the file is executed.
+        """Read what `save` wrote, in either form: the content tells.  Nothing in the file is executed.
+
+        Of a ROS file there is the camera only: no poses, and no residuals for `rms` and its like.
 
         Raises
         ------

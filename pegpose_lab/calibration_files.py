@@ -1,8 +1,12 @@
-"""Calibrations as OpenCV FileStorage YAML files: numbers and text only, nothing is executed on reading."""
+"""Calibrations as files: OpenCV's FileStorage YAML with all that is known, ROS's camera_info YAML with the camera alone.
+
+Only numbers and text are read from either, and nothing in a file is executed.
+"""
 
 import cv2
 import numpy as np
 import pandas as pd
+import yaml
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from .camera import OpenCVCamera, TsaiCamera
@@ -10,15 +14,17 @@ from .checks import as_points
 from .results import replacing
 
 FILE_FORMAT = "pegpose_lab calibration 1"
+ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
+"""ROS's names for OpenCV's distortion, by the number of coefficients."""
 
 
-def write_calibration(path, calibration):
+def write_calibration(path, calibration, form):
     """Write what `Calibration.save` documents."""
-    storage = cv2.FileStorage(".yml", cv2.FileStorage_WRITE | cv2.FileStorage_MEMORY)
-    for name, value in _as_nodes(calibration).items():
-        storage.write(name, value)
+    if form not in ("opencv", "ros"):
+        raise ValueError(f"form is {form!r}; expected 'opencv' or 'ros'")
+    text = _as_storage(calibration) if form == "opencv" else _as_camera_info(calibration.camera)
     with replacing(path) as temporary:
-        temporary.write_text(storage.releaseAndGetString(), encoding="utf-8")
+        temporary.write_text(text, encoding="utf-8")
 
 
 def read_calibration(path):
@@ -26,9 +32,56 @@ def read_calibration(path):
     with open(path, encoding="utf-8", errors="replace") as file:
         text = file.read()
     try:
-        return _from_nodes(_Nodes(text))
-    except (cv2.error, SystemError, KeyError) as error:
+        return _from_nodes(_Nodes(text)) if text.startswith("%YAML") else _from_camera_info(text)
+    except (cv2.error, yaml.YAMLError, SystemError, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is not a calibration that Calibration.save wrote: {error}") from error
+
+
+def _as_camera_info(camera):
+    """ROS's camera_info of a camera, as its camera_calibration package writes it."""
+    camera = camera.to_opencv() if isinstance(camera, TsaiCamera) else camera
+    coefficients = np.resize(camera.dist_coeffs, max(camera.dist_coeffs.size, 5))
+    coefficients[camera.dist_coeffs.size :] = 0
+    if coefficients.size not in ROS_MODELS:
+        raise ValueError(f"camera has {coefficients.size} distortion coefficients; ROS names models of 5 or 8")
+    width, height = camera.image_size
+    projection = np.column_stack([camera.camera_matrix, np.zeros(3)])
+    return yaml.safe_dump(
+        {
+            "image_width": width,
+            "image_height": height,
+            "camera_name": "pegpose_lab",
+            "camera_matrix": _as_matrix(camera.camera_matrix),
+            "distortion_model": ROS_MODELS[coefficients.size],
+            "distortion_coefficients": _as_matrix(coefficients[None]),
+            "rectification_matrix": _as_matrix(np.eye(3)),
+            "projection_matrix": _as_matrix(projection),
+        },
+        sort_keys=False,
+        default_flow_style=None,
+    )
+
+
+def _as_matrix(array):
+    return {"rows": len(array), "cols": array.shape[1], "data": array.ravel().tolist()}
+
+
+def _from_camera_info(text):
+    """The fields of a `Calibration` that has a camera only."""
+    info = yaml.safe_load(text)
+    if not isinstance(info, dict) or info.get("distortion_model") not in ROS_MODELS.values():
+        raise KeyError("it is neither an OpenCV FileStorage nor a ROS camera_info of a known distortion_model")
+    matrices = [np.array(info[name]["data"], dtype=float) for name in ("camera_matrix", "distortion_coefficients")]
+    camera = OpenCVCamera(matrices[0].reshape(3, 3), matrices[1], (info["image_width"], info["image_height"]))
+    return {"camera": camera, "cam_from_object": [], "residuals": []}
+
+
+def _as_storage(calibration):
+    """OpenCV's FileStorage text of a calibration."""
+    storage = cv2.FileStorage(".yml", cv2.FileStorage_WRITE | cv2.FileStorage_MEMORY)
+    for name, value in _as_nodes(calibration).items():
+        storage.write(name, value)
+    return storage.releaseAndGetString()
 
 
 def _as_nodes(calibration):

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import (
@@ -509,6 +510,36 @@ def test_opencv_can_read_a_saved_camera(tmp_path):
     points = np.ascontiguousarray(WORLD_BOARD)
     projected = cv2.projectPoints(points, pose[:3], pose[3:], matrix, coefficients)[0].reshape(-1, 2)
     assert projected == pytest.approx(CAMERA.project(WORLD_BOARD, paper_pose()), abs=1e-4)
+
+
+@pytest.mark.parametrize("method", ["tsai", "zhang"])
+def test_ros_camera_info_comes_back(tmp_path, method):
+    run = calibrate_tsai(*view(noise=0.1), CAMERA) if method == "tsai" else calibrate_zhang(
+        *five_views(0.1), CAMERA.image_size, radial=3, tangential=True
+    )
+    run.save(tmp_path / "camera.yaml", form="ros")
+    info = yaml.safe_load((tmp_path / "camera.yaml").read_text())
+    assert (info["image_width"], info["image_height"]) == CAMERA.image_size
+    assert info["distortion_model"] == "plumb_bob" and info["projection_matrix"]["cols"] == 4
+    back = Calibration.load(tmp_path / "camera.yaml")
+    pose = EXPERIMENT.cam_from_boards[1]
+    assert back.camera.project(BOARD, pose) == pytest.approx(run.camera.project(BOARD, pose), abs=1e-3)
+    with pytest.raises(ValueError, match="no residuals"):
+        back.rms  # noqa: B018
+
+
+def test_a_form_that_does_not_exist_is_named(tmp_path):
+    with pytest.raises(ValueError, match="form"):
+        calibrate_tsai(*view(), CAMERA).save(tmp_path / "camera.json", form="json")
+    assert not list(tmp_path.iterdir())
+
+
+def test_loading_executes_nothing(tmp_path):
+    marker = tmp_path / "executed"
+    (tmp_path / "bad.yaml").write_text(f"!!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.Path ['{marker}']]")
+    with pytest.raises(ValueError, match="bad.yaml"):
+        Calibration.load(tmp_path / "bad.yaml")
+    assert not marker.exists()
 
 
 def test_an_interrupted_save_leaves_the_old_file(tmp_path, monkeypatch):
