@@ -39,6 +39,8 @@ HUBER, CAUCHY = 1.345, 2.385
 """Where the robust losses bend, in standard deviations: 95 % efficiency for a normal distribution."""
 
 ROBUST_ROUNDS = 30
+POSE_STEPS = 8
+"""Gauss-Newton steps of `board_pose`: from OpenCV's answer two or three are enough."""
 
 
 def calibrate_joint(
@@ -134,12 +136,62 @@ def board_pose(object_points, image_points, camera):
         If no pose is found.
     """
     object_points, image_points = as_matched_points(object_points, image_points, 4)
-    seen = camera.to_normalized(image_points)
-    pose = _pnp(object_points, seen, np.eye(3))
-    rotation, translation = cv2.solvePnPRefineLM(
-        object_points, seen, np.eye(3), None, pose.rotation.as_rotvec(), pose.translation
-    )
-    return RigidTransform.from_components(translation.ravel(), Rotation.from_rotvec(rotation.ravel()))
+    pose = _pnp(object_points, camera.to_normalized(image_points), np.eye(3))
+    if isinstance(camera, OpenCVCamera):
+        lens = camera.camera_matrix, camera.dist_coeffs
+        start = pose.rotation.as_rotvec(), pose.translation
+        rotation, translation = cv2.solvePnPRefineLM(object_points, image_points, *lens, *start)
+        return RigidTransform.from_components(translation.ravel(), Rotation.from_rotvec(rotation.ravel()))
+    model, views = _TsaiModel(camera, False, False), _Views.stack([object_points], [image_points])
+    shared = np.array([camera.focal_length, camera.kappa1])
+    rotation, position = pose.rotation.as_matrix(), pose.apply(views.centroids)
+    state = _State(shared, rotation[None], position)
+    for _ in range(POSE_STEPS):
+        evaluated = _evaluate(model, views, state)
+        if evaluated is None:
+            raise CalibrationError("no pose sees all points; check their order")
+        residuals, jacobian = evaluated
+        step = np.linalg.lstsq(jacobian[..., 2:].reshape(-1, 6), -residuals.ravel(), rcond=None)[0]
+        state = state.moved(0.0, step[None, :3], step[None, 3:])
+    return state.poses(views)[0]
+
+
+def calibrate_dlt(object_points, image_points, camera):
+    """The direct linear transform of one view of a plane: homography, f by Zhang's two constraints, pose; no distortion.
+
+    Parameters
+    ----------
+    object_points : (n, 3) array_like
+        mm, n >= 5, of one z.
+    image_points : (n, 2) array_like
+        px.
+    camera : TsaiCamera
+        Gives pixel pitch, scale_x, principal point and image size.
+
+    Returns
+    -------
+    Calibration
+        With kappa1 = 0.
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable.
+    CalibrationError
+        If the view does not determine f, or no camera sees the plane so.
+    """
+    object_points, image_points = as_views([object_points], [image_points], MINIMUM_POINTS)
+    demand_tsai(camera)
+    if not is_planar(object_points[0]):
+        raise ValueError("object_points differ in z; expected a plane")
+    views = _Views.stack(object_points, image_points)
+    homographies = _homographies(views, camera)
+    focal_length = _focal_length_of(homographies)
+    if focal_length is None:
+        raise CalibrationError("the homography belongs to no camera with this principal point; tilt the board more")
+    camera = replace(camera, focal_length=focal_length, kappa1=0.0)
+    pose = _State(np.zeros(0), *_poses_of(homographies, focal_length)).poses(views)[0]
+    return Calibration(camera, [pose], [camera.project(object_points[0], pose) - image_points[0]])
 
 
 # --- camera models: shared parameters, the camera, and the projection with its derivatives ------------------

@@ -189,9 +189,10 @@ class _Genes:
         self.form, self.lower, self.upper = form, centre - half, centre + half
         self.mean_c2 = c2.mean()
         self.smallest_depth = 0.1 * (centre[1] + self.mean_c2)  # where the box reaches behind the camera
-        self.initial = centre if form == "printed" else np.array([centre[0] / self._depth(centre[1]), centre[1]])
+        self.initial = centre if form == "printed" else np.array([centre[0] / self.depth(centre[1]), centre[1]])
 
-    def _depth(self, t_z):
+    def depth(self, t_z):
+        """Depth of the points' centroid, mm."""
         return np.maximum(t_z + self.mean_c2, self.smallest_depth)
 
     @property
@@ -199,8 +200,8 @@ class _Genes:
         """(2, 2) bounds of the genes."""
         if self.form == "printed":
             return np.column_stack([self.lower, self.upper])
-        smallest = self.lower[0] / self._depth(self.upper[1])
-        largest = self.upper[0] / self._depth(self.lower[1])
+        smallest = self.lower[0] / self.depth(self.upper[1])
+        largest = self.upper[0] / self.depth(self.lower[1])
         return np.array([[smallest, largest], [self.lower[1], self.upper[1]]])
 
     def decode(self, genes):
@@ -218,7 +219,7 @@ class _Genes:
         return OVERSHOOT * np.maximum(outside, 0) / (self.upper[0] - self.lower[0])
 
     def _focal_length(self, genes):
-        return genes[..., 0] * self._depth(genes[..., 1])
+        return genes[..., 0] * self.depth(genes[..., 1])
 
     def flags(self, chromosome):
         """A sentence if the chromosome sits on the edge of the box."""
@@ -302,3 +303,90 @@ def calibrate_genetic(
         history=history,
         populations=populations,
     )
+
+
+# --- the oracle ----------------------------------------------------------------------------------------
+
+SCANNED = 401
+"""Values of T_z across the box that `optimum_in_box` starts from."""
+
+ZOOM_POINTS, ZOOM, ZOOM_STEPS = 9, 0.5, 120
+STARTS = 3
+
+
+def optimum_in_box(object_points, image_points, camera, *, box=BOX):
+    r"""The best that stage 2 can find: the smallest Eq. 7 in the box of Eq. 5, without chance.  Judge the GA by it.
+
+    For a given T_z, Eq. 6's y equation and its like in x are linear in f and kappa1,
+
+    .. math:: \frac{f}{c_2 + T_z} (x_c, y_c) - \kappa_1 r^2 (x_d, y_d) = (x_d, y_d),
+
+    and their least squares gives an f for each of `SCANNED` values of T_z.  From the best `STARTS` valleys of Eq. 7
+    on that line, grids of magnification and T_z that move to their best point, and halve when it is inside,
+    polish it to the last digits.
+
+    Parameters
+    ----------
+    object_points, image_points, camera, box
+        As for `calibrate_genetic`.
+
+    Returns
+    -------
+    Calibration
+        With flags if the optimum sits on the edge of its box.
+
+    Raises
+    ------
+    ValueError, CalibrationError
+        As `calibrate_genetic`.
+    """
+    box = as_number(box, "box", 0, 1, exclusive=True)
+    linear = calibrate_tsai(object_points, image_points, camera)
+    objective = TwoStageObjective(object_points, image_points, linear)
+    coding = _Genes("magnification", linear, objective.c2, box)
+    t_z = np.linspace(coding.lower[1], coding.upper[1], SCANNED)
+    f = np.clip(_linear_f(objective, t_z), coding.lower[0], coding.upper[0])
+    values = objective(np.column_stack([f, t_z]))
+    padded = np.pad(values, 1, constant_values=np.inf)
+    valleys = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
+    starts = valleys[np.argsort(values[valleys])][:STARTS]
+    genes = [_polish(objective, coding, f[k], t_z[k], t_z[1] - t_z[0]) for k in starts]
+    chromosomes = coding.decode(np.array(genes))
+    values = objective(chromosomes)
+    if values.min() >= PENALTY:
+        raise CalibrationError("no chromosome in the box sees all points; check the points and stage 1")
+    best = chromosomes[values.argmin()]
+    kappa1, stage_1 = objective.kappa1(best[None]).item(), linear.cam_from_object[0]
+    return Calibration(
+        replace(linear.camera, focal_length=best[0], kappa1=kappa1),
+        [RigidTransform.from_components([*stage_1.translation[:2], best[1]], stage_1.rotation)],
+        [objective.residuals(best[None])[0]],
+        linear.flags + coding.flags(best),
+    )
+
+
+def _linear_f(objective, t_z):
+    """f (n,) by linear least squares over f and kappa1 for each T_z (n,)."""
+    depth = np.maximum(objective.c2 + t_z[:, None], 1e-6)
+    seen, lateral = objective.sensor_points, np.column_stack([objective.x_c, objective.c3])
+    by_f = (lateral / depth[:, :, None]).reshape(len(t_z), -1)
+    by_kappa1 = (objective.squared_radius[:, None] * seen).ravel()
+    ff, fk, kk = (by_f**2).sum(axis=1), by_f @ by_kappa1, by_kappa1 @ by_kappa1
+    f_side, k_side = by_f @ seen.ravel(), by_kappa1 @ seen.ravel()
+    return (f_side * kk - fk * k_side) / (ff * kk - fk**2)
+
+
+def _polish(objective, coding, f, t_z, step):
+    """The genes at the bottom of the valley that a chromosome lies in."""
+    lower, upper = coding.bounds.T
+    center = np.array([f / coding.depth(t_z), t_z])
+    half = np.array([0.01 * center[0], 2 * step])
+    offsets = np.stack(np.meshgrid(*2 * [np.linspace(-1, 1, ZOOM_POINTS)]), axis=-1).reshape(-1, 2)
+    for _ in range(ZOOM_STEPS):
+        genes = np.clip(center + offsets * half, lower, upper)
+        best = (objective(coding.decode(genes)) + coding.penalty(genes)).argmin()
+        center = genes[best]
+        half = np.where(np.abs(offsets[best]) < 1, ZOOM * half, half)
+        if np.all(half <= 1e-13 * np.abs(center)):
+            break
+    return center

@@ -19,6 +19,7 @@ from pegpose_lab import (
     calibrate_joint,
     calibrate_tsai,
     calibrate_zhang,
+    optimum_in_box,
 )
 from pegpose_lab.calibration import covariance_table, pose_names
 from pegpose_lab.experiment import paper_experiment, paper_pose
@@ -221,6 +222,9 @@ def test_genetic_reaches_the_oracle(board):
     found = [calibrate_genetic(points, image_points, CAMERA, rng=seed).mean_distance for seed in range(4)]
     assert max(found) - best < 1e-4
     assert min(found) - best > -1e-6  # the oracle is one
+    optimum = optimum_in_box(points, image_points, CAMERA)
+    assert -1e-8 < optimum.mean_distance - best < 1e-10  # and the package's is as good, or better by a scan's last step
+    assert optimum.mean_distance <= min(found) + 1e-12
 
 
 def test_genetic_reaches_the_oracle_from_20_seeds():
@@ -302,6 +306,16 @@ def test_willsons_file_is_flagged(pegpose_data):
     run = calibrate_genetic(data[:, :3], data[:, 3:], camera, rng=0)
     assert run.camera.focal_length < 1.25 * 64.93
     assert "sits on the edge" in run.flags[-1]
+
+
+def test_the_oracle_finds_the_truth_and_flags_the_edge_of_its_box():
+    exact = optimum_in_box(*view(), CAMERA)
+    assert exact.camera.focal_length == pytest.approx(47.95, rel=1e-8) and exact.mean_distance < 1e-9
+    assert exact.camera.kappa1 == pytest.approx(1.097e-5, rel=1e-6) and exact.flags == ()
+    narrow = optimum_in_box(*view(), CAMERA, box=1e-5)
+    assert any("edge of its box" in flag for flag in narrow.flags)
+    with pytest.raises(ValueError, match="box"):
+        optimum_in_box(*view(), CAMERA, box=1.5)
 
 
 def test_corners_of_the_box_are_no_trap(pegpose_data):

@@ -1,0 +1,301 @@
+"""The genetic algorithm's trial: its success over many seeds, and its rivals on the same corners by the same measures.
+
+``python3 -m pegpose_lab.rivals`` writes data/measured/ga_success.csv: how often each variant of the algorithm ends at
+the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photographs.
+"""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from scipy.optimize import differential_evolution, least_squares, minimize
+from scipy.spatial.transform import RigidTransform
+from tqdm import tqdm
+
+from . import experiment, measured
+from .calibration import Calibration
+from .camera import TsaiCamera
+from .checks import CalibrationError
+from .corners import find_corners
+from .joint import board_pose, calibrate_dlt, calibrate_joint
+from .results import replacing
+from .two_stage import BOX, TwoStageObjective, calibrate_genetic, calibrate_tsai, optimum_in_box
+from .zhang import calibrate_zhang
+
+COMMAND = "python3 -m pegpose_lab.rivals"
+SUCCESS_FILE = "ga_success.csv"
+SEEDS = 100
+REACHED = 1e-4  # px above the optimum that count as reaching it
+
+PRINTED = {"genes": "printed", "crossover": "printed", "mutation": "printed"}
+VARIANTS = {
+    "default: Eqs. 9, 10 corrected, genes (m, T_z)": {},
+    "corrected, genes (f, T_z)": {"genes": "printed"},
+    "corrected, genes (f, T_z), Eq. 4": {"genes": "printed", "initialisation": "equal"},
+    "printed, genes (f, T_z)": PRINTED,
+    "printed, genes (f, T_z), Eq. 4": PRINTED | {"initialisation": "equal"},
+}
+"""The genetic algorithm as it is here, and as the paper prints it: options of `calibrate_genetic`."""
+
+PARTICLES, PARTICLE_STEPS = 30, 100
+INERTIA, PULL = 0.7298, 1.49618  # Clerc and Kennedy's constriction
+
+
+# --- success over seeds ----------------------------------------------------------------------------------
+
+
+def trial_sets():
+    """The views of the trial: name, object_points, image_points, camera.
+
+    The paper's view is that of Table 1 with exact corners and 0.025 px of noise; the rendered ones have their corners
+    found in the pictures; the real ones are OpenCV's photographs with this project's corners, the principal point in the
+    picture's middle.
+    """
+    truth = experiment.paper_experiment()
+    unknown = replace(truth.camera, focal_length=1.0, kappa1=0.0)
+    board = truth.board.object_points
+    world = truth.world_from_board.apply(board)
+    exact = truth.camera.project(world, experiment.paper_pose())
+    noise = 0.025 * np.random.default_rng(0).standard_normal(exact.shape)
+    sets = [("paper's view", world, exact + noise, unknown)]
+    sets += [
+        (f"rendered view {k + 1}", board, find_corners(truth.board_image(k), truth.board), unknown) for k in range(5)
+    ]
+    object_points, image_points, (width, height), names = measured.load_corners()
+    camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), (width, height))
+    return sets + [(name, *view, camera) for name, *view in zip(names, object_points, image_points, strict=True)]
+
+
+def success_rates(sets=None, *, variants=tuple(VARIANTS), seeds=SEEDS, workers=2, progress=True):
+    """How many seeds of each variant end within `REACHED` of the optimum of the box, on each view.
+
+    Parameters
+    ----------
+    sets : list, optional
+        As `trial_sets` returns, which is the default.
+    variants : sequence of str
+        Of `VARIANTS`.
+    seeds : int
+        Seeds 0, 1, ... of the algorithm.
+    workers : int
+        Processes; the numbers do not depend on them.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    DataFrame
+        view, variant, optimum (px), seeds, reached, median_excess and worst_excess (px above the optimum).
+    """
+    sets = trial_sets() if sets is None else sets
+    tasks = [delayed(_success)(*view, variant, seeds) for view in sets for variant in variants]
+    rows = tqdm(Parallel(workers, return_as="generator")(tasks), total=len(tasks), unit="variant", disable=not progress)
+    columns = ["view", "variant", "optimum", "seeds", "reached", "median_excess", "worst_excess"]
+    return pd.DataFrame(list(rows), columns=columns)
+
+
+def _success(name, object_points, image_points, camera, variant, seeds):
+    """A row of `success_rates`."""
+    optimum = optimum_in_box(object_points, image_points, camera).mean_distance
+    found = [
+        calibrate_genetic(object_points, image_points, camera, rng=seed, **VARIANTS[variant]).mean_distance
+        for seed in range(seeds)
+    ]
+    excess = np.maximum(np.array(found) - optimum, 0)
+    return name, variant, optimum, seeds, int(np.sum(excess <= REACHED)), float(np.median(excess)), float(excess.max())
+
+
+def load_success(path=measured.FOLDER / SUCCESS_FILE):
+    """Read the table of `success_rates`."""
+    return pd.read_csv(path, comment="#")
+
+
+# --- rivals ------------------------------------------------------------------------------------------------
+
+
+def compare(object_points, image_points, camera, *, truth=None, rng=0):
+    """Calibrate with every method and judge all by the same measures.
+
+    The single-view methods get view 1 and the principal point of `camera`; Zhang's and the joint one get all views.
+
+    Parameters
+    ----------
+    object_points, image_points : sequences of (n, 3) and (n, 2) array_like
+        mm and px, an entry a view, planar; at least three views.
+    camera : TsaiCamera
+        As for `calibrate_genetic`.
+    truth : (float, float), optional
+        f (mm) and the depth of the middle of view 1 (mm).
+    rng : seed
+        Of the methods that draw.
+
+    Returns
+    -------
+    DataFrame
+        A row for each method: E (Eq. 7), rms, sd_x and sd_y (px) on view 1; f (mm); f_error (%) and T_z_error (mm) if the
+        truth is given; held_out (px), the mean E of the other views when only their pose is fitted through the
+        camera, or, for those that saw all views, of each view left out in turn; evaluations of the objective (NaN
+        where there is no such thing); ms of processor time, stage 1 included where the method starts from it.
+    """
+    views, rows = list(zip(object_points, image_points, strict=True)), []
+    for name, (method, shared) in _METHODS.items():
+        start = time.process_time()
+        found, evaluations = method(views, camera) if shared else method(_Setting(*views[0], camera, rng))
+        ms = 1e3 * (time.process_time() - start)
+        measures = _measures(found, views, truth, camera.pixel_pitch[0])
+        rows.append((name, *measures, _held_out(found, method, shared, views, camera), evaluations, ms))
+    columns = ["method", "E", "rms", "sd_x", "sd_y", "f", "f_error", "T_z_error", "held_out", "evaluations", "ms"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+class _Setting:
+    """One view, its stage 1 and Eq. 7 over the box, counted."""
+
+    def __init__(self, object_points, image_points, camera, rng):
+        self.view, self.rng = (object_points, image_points, camera), rng
+        self.linear = calibrate_tsai(object_points, image_points, camera)
+        self.objective = TwoStageObjective(object_points, image_points, self.linear)
+        centre = np.array([self.linear.camera.focal_length, self.linear.cam_from_object[0].translation[2]])
+        self.bounds = np.column_stack([(1 - BOX) * centre, (1 + BOX) * centre])
+        self.centre = centre
+
+    def result(self, chromosome, kappa1=None):
+        """The calibration with (f, T_z); kappa1 by Eq. 6 if it is not given."""
+        kappa1 = self.objective.kappa1(chromosome[None]).item() if kappa1 is None else kappa1
+        stage_1 = self.linear.cam_from_object[0]
+        camera = replace(self.linear.camera, focal_length=float(chromosome[0]), kappa1=float(kappa1))
+        pose = RigidTransform.from_components([*stage_1.translation[:2], chromosome[1]], stage_1.rotation)
+        residuals = camera.project(self.view[0], pose) - self.view[1]
+        return Calibration(camera, [pose], [residuals])
+
+
+def _genetic(setting, **options):
+    found = calibrate_genetic(*setting.view, rng=setting.rng, **options)
+    return found, found.history["evaluations"].iloc[-1]
+
+
+def _differential_evolution(setting):
+    found = differential_evolution(
+        lambda x: setting.objective(x.T), setting.bounds, rng=setting.rng, vectorized=True, updating="deferred",
+        polish=False, tol=1e-10, maxiter=300,
+    )
+    return setting.result(found.x), len(found.population) * (found.nit + 1)
+
+
+def _particle_swarm(setting):
+    """Particle swarm with constriction: each particle is drawn to its own best place and to the swarm's."""
+    rng = np.random.default_rng(setting.rng)
+    low, high = setting.bounds.T
+    places, speeds = rng.uniform(low, high, (PARTICLES, 2)), np.zeros((PARTICLES, 2))
+    best, values = places.copy(), setting.objective(places)
+    for _ in range(PARTICLE_STEPS):
+        own, common = rng.random((2, PARTICLES, 2))
+        speeds = INERTIA * speeds + PULL * (own * (best - places) + common * (best[values.argmin()] - places))
+        places = np.clip(places + speeds, low, high)
+        found = setting.objective(places)
+        better = found < values
+        best[better], values[better] = places[better], found[better]
+    return setting.result(best[values.argmin()]), PARTICLES * (PARTICLE_STEPS + 1)
+
+
+def _nelder_mead(setting):
+    found = minimize(
+        lambda x: setting.objective(x[None])[0], setting.centre, method="Nelder-Mead", bounds=setting.bounds,
+        options={"xatol": 1e-9, "fatol": 1e-12, "maxfev": 4000},
+    )
+    return setting.result(found.x), found.nfev
+
+
+def _three_parameters(setting):
+    """Least squares of the signed residuals over f, T_z and kappa1, R, T_x and T_y held at stage 1."""
+    start = np.array([*setting.centre, 0.0])
+    scale = np.array([*setting.centre, 1 / setting.objective.squared_radius.max()])
+
+    def residuals(x):
+        try:
+            return setting.result(x[:2] * scale[:2], x[2] * scale[2]).residuals[0].ravel()
+        except ValueError:  # behind the camera, or beyond where Eq. 3 has an image
+            return np.full(2 * len(setting.view[0]), 1e6)
+
+    found = least_squares(residuals, start / scale, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    return setting.result(found.x[:2] * scale[:2], found.x[2] * scale[2]), found.nfev
+
+
+def _all_of_one_view(setting):
+    object_points, image_points, camera = setting.view
+    return calibrate_joint([object_points], [image_points], camera, principal_point="fixed"), np.nan
+
+
+def _direct_linear_transform(setting):
+    return calibrate_dlt(*setting.view), np.nan
+
+
+def _zhang(views, camera):
+    return calibrate_zhang(*map(list, zip(*views, strict=True)), camera.image_size, radial=1), np.nan
+
+
+def _joint(views, camera):
+    return calibrate_joint(*map(list, zip(*views, strict=True)), camera), np.nan
+
+
+_METHODS = {  # name: (method, whether it is for all views)
+    "linear only": (lambda setting: (setting.linear, np.nan), False),
+    "GA as printed": (lambda setting: _genetic(setting, initialisation="equal", **PRINTED), False),
+    "GA corrected": (lambda setting: _genetic(setting, genes="printed"), False),
+    "GA, genes (m, T_z)": (_genetic, False),
+    "differential evolution": (_differential_evolution, False),
+    "particle swarm": (_particle_swarm, False),
+    "Nelder-Mead": (_nelder_mead, False),
+    "least squares of f, T_z, k1": (_three_parameters, False),
+    "least squares of one view": (_all_of_one_view, False),
+    "direct linear transform": (_direct_linear_transform, False),
+    "Zhang (OpenCV), k1": (_zhang, True),
+    "joint": (_joint, True),
+}
+
+
+def _measures(found, views, truth, pitch):
+    """E, rms and standard deviations on view 1, f (mm), and its error and that of the depth."""
+    residuals = found.residuals[0]
+    alone = Calibration(found.camera, found.cam_from_object[:1], [residuals])
+    of_tsai = isinstance(found.camera, TsaiCamera)
+    f = found.camera.focal_length if of_tsai else found.camera.camera_matrix[0, 0] * pitch
+    errors = np.nan, np.nan
+    if truth is not None:
+        middle = found.cam_from_object[0].apply(views[0][0].mean(axis=0))[2]
+        errors = 100 * (f / truth[0] - 1), middle - truth[1]
+    return alone.mean_distance, alone.rms, *alone.axis_std, f, *errors
+
+
+def _held_out(found, method, shared, views, camera):
+    """Mean E of views that the method did not see."""
+    if not shared:
+        return np.mean([_pose_error(found.camera, *view) for view in views[1:]])
+    errors = []
+    for index, view in enumerate(views):
+        others = views[:index] + views[index + 1 :]
+        errors.append(_pose_error(method(others, camera)[0].camera, *view))
+    return np.mean(errors)
+
+
+def _pose_error(camera, object_points, image_points):
+    """E of one view when only its pose is fitted; NaN if the camera gives it no pose."""
+    try:
+        pose = board_pose(object_points, image_points, camera)
+        return float(np.hypot(*(camera.project(object_points, pose) - image_points).T).mean())
+    except (CalibrationError, ValueError):
+        return np.nan
+
+
+def write_success(folder=measured.FOLDER):
+    """Write the table of `success_rates` below `folder`."""
+    table = success_rates().round({"optimum": 6, "median_excess": 6, "worst_excess": 6})
+    with replacing(folder / SUCCESS_FILE) as path:
+        comment = f"# seeds that end within {REACHED:g} px of the optimum of the box (Eq. 7, px); made by: {COMMAND}\n"
+        path.write_text(comment + table.to_csv(index=False, lineterminator="\n"), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_success()
