@@ -93,6 +93,7 @@ _HOME = {
     "calibrate_zhang": "zhang",
     "calibrate_joint": "joint",
     "calibrate_dlt": "joint",
+    "profile_focal_length": "joint",
     "board_pose": "joint",
     "HubPose": "pose",
     "estimate_pose": "pose",

@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 import pandas as pd
+from scipy import stats
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from .calibration import MINIMUM_POINTS, Calibration, judge_focal_length, pose_names
 from .camera import OpenCVCamera, demand_tsai, distort_radius, max_undistorted_radius
-from .checks import CalibrationError, as_matched_points, as_views
+from .checks import CalibrationError, as_matched_points, as_number, as_views
 from .tsai import TILT_SIGNIFICANCE, is_planar, solve_coplanar, solve_noncoplanar
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
@@ -39,6 +40,9 @@ HUBER, CAUCHY = 1.345, 2.385
 """Where the robust losses bend, in standard deviations: 95 % efficiency for a normal distribution."""
 
 ROBUST_ROUNDS = 30
+PROFILED, PROFILE_STEP = 20.0, 0.05
+"""How far from the best f its profile is followed, as a factor, and in which steps of ln f."""
+
 POSE_STEPS = 8
 """Gauss-Newton steps of `board_pose`: from OpenCV's answer two or three are enough."""
 
@@ -110,6 +114,81 @@ def calibrate_joint(
     ]
     flags = judge_focal_length(covariance, model.names[0], state.shared[0], model.unit)
     return Calibration(found, poses, residuals, flags, covariance=covariance)
+
+
+def profile_focal_length(object_points, image_points, camera, *, principal_point="free", level=0.95):
+    r"""The interval of f by its profile likelihood: all f with which the views can be explained nearly as well.
+
+    For each f the sum of squares is minimised over everything else; f belongs to the interval while
+
+    .. math:: SSE(f) \le SSE_{min} \left(1 + \frac{F_{level}(1, \nu)}{\nu}\right)
+
+    with :math:`\nu` degrees of freedom.  Unlike +-1.96 sigma it need not be symmetric, and is right where f trades
+    off with T_z along a curve.
+
+    Parameters
+    ----------
+    object_points, image_points, camera, principal_point
+        As for `calibrate_joint`; one view will do.
+    level : float
+        Between 0 and 1.
+
+    Returns
+    -------
+    low, high : float
+        mm.  0 or infinity where the interval does not end within a factor `PROFILED` of the best f.
+
+    Raises
+    ------
+    ValueError, CalibrationError
+        As `calibrate_joint`.
+    """
+    level = as_number(level, "level", 0, 1, exclusive=True)
+    best = calibrate_joint(object_points, image_points, camera, principal_point=principal_point)
+    views = _Views.stack(*as_views(object_points, image_points, MINIMUM_POINTS))
+    freedom = 2 * int(views.used.sum()) - len(best.covariance)
+    smallest = sum(np.sum(view**2) for view in best.residuals)
+    limit = smallest * (1 + stats.f.ppf(level, 1, freedom) / freedom)
+    ends = []
+    for direction in (-1, 1):
+        state, inside, factor = None, best.camera.focal_length, np.exp(direction * PROFILE_STEP)
+        while True:
+            outside = inside * factor
+            if not 1 / PROFILED < outside / best.camera.focal_length < PROFILED:
+                ends.append(0.0 if direction < 0 else np.inf)
+                break
+            cost, found = _profile(views, best, outside, principal_point == "free", state)
+            if cost > limit:
+                ends.append(_crossing(views, best, principal_point == "free", state, inside, outside, limit))
+                break
+            state, inside = found, outside
+    return tuple(ends)
+
+
+def _profile(views, best, focal_length, free_center, state):
+    """The smallest sum of squares with a given f, and where it is; `state` of a near f, or None for the best one's."""
+    model = _TsaiModel(replace(best.camera, focal_length=focal_length), free_center, False, free_focal_length=False)
+    if state is None:
+        center = best.camera.principal_point if free_center else ()
+        poses = best.cam_from_object
+        positions = np.array([pose.apply(c) for pose, c in zip(poses, views.centroids, strict=True)])
+        rotations = np.array([pose.rotation.as_matrix() for pose in poses])
+        state = _State(np.array([best.camera.kappa1, *center]), rotations, positions)
+        state = replace(state, positions=positions * [1, 1, focal_length / best.camera.focal_length])
+    found, equations = _minimise(model, views, state, views.used)
+    return equations.cost, found
+
+
+def _crossing(views, best, free_center, state, inside, outside, limit):
+    """f between two at which the smallest sum of squares passes the limit, by bisection in ln f."""
+    while abs(np.log(outside / inside)) > 1e-5:
+        middle = np.sqrt(inside * outside)
+        cost, found = _profile(views, best, middle, free_center, state)
+        if cost > limit:
+            outside = middle
+        else:
+            state, inside = found, middle
+    return float(np.sqrt(inside * outside))
 
 
 def board_pose(object_points, image_points, camera):
@@ -211,9 +290,9 @@ class _TsaiModel:
 
     unit = "mm"
 
-    def __init__(self, camera, free_center, two_focal_lengths):
+    def __init__(self, camera, free_center, two_focal_lengths, free_focal_length=True):
         self.start_camera = camera
-        free = [True, two_focal_lengths, True, free_center, free_center]
+        free = [free_focal_length, two_focal_lengths, True, free_center, free_center]
         self.names = [name for name, kept in zip(("focal_length", "scale_x", "kappa1", "c_x", "c_y"), free) if kept]
         self.columns = np.flatnonzero(free)
 
@@ -221,11 +300,14 @@ class _TsaiModel:
         values = [focal_length, self.start_camera.scale_x, 0.0, *self.start_camera.principal_point]
         return np.array(values)[self.columns]
 
-    def camera(self, shared):
+    def _values(self, shared):
         values = [self.start_camera.focal_length, self.start_camera.scale_x, 0.0, *self.start_camera.principal_point]
         for column, value in zip(self.columns, shared, strict=True):
             values[column] = value
-        focal_length, scale_x, kappa1, *center = values
+        return values
+
+    def camera(self, shared):
+        focal_length, scale_x, kappa1, *center = self._values(shared)
         return replace(
             self.start_camera, focal_length=focal_length, scale_x=scale_x, kappa1=kappa1, principal_point=tuple(center)
         )
@@ -238,7 +320,7 @@ class _TsaiModel:
         :math:`dx_d/dx_u = h I - (2 \kappa_1 h^3 / s) x_u x_u^T` and
         :math:`dx_d/d\kappa_1 = -(h r_d^2 / s) x_u`.
         """
-        if shared[0] <= 0 or (1 in self.columns and shared[1] <= 0) or points[:, 2].min() <= 0:
+        if min(self._values(shared)[:2]) <= 0 or points[:, 2].min() <= 0:
             return None
         camera = self.camera(shared)
         x_u = camera.focal_length / points[:, 2:] * points[:, :2]

@@ -13,6 +13,7 @@ from .calibration import MINIMUM_POINTS, Calibration
 from .camera import demand_tsai, distort_radius, max_undistorted_radius
 from .checks import CalibrationError, as_matched_points, as_number
 from .genetic import minimize_genetic
+from .joint import profile_focal_length
 from .tsai import is_planar, solve_coplanar, solve_noncoplanar
 
 BOX = 0.25
@@ -237,6 +238,21 @@ class _Genes:
         )
 
 
+def _edge_flags(coding, chromosome, object_points, image_points, camera):
+    """A sentence if the chromosome sits on the edge of the box, with what the view knows of f without a box."""
+    flags = coding.flags(chromosome)
+    if not flags:
+        return ()
+    try:
+        low, high = profile_focal_length([object_points], [image_points], camera, principal_point="fixed")
+    except CalibrationError:
+        return flags
+    return (
+        f"{flags[0]} Least squares of all parameters of this view allow f from {low:.5g} to {high:.5g} mm (95 %, profile "
+        "likelihood).",
+    )
+
+
 def calibrate_genetic(
     object_points, image_points, camera, *, rng=None, box=BOX, kappa1="shared", genes="magnification", **options
 ):
@@ -291,7 +307,7 @@ def calibrate_genetic(
     populations = coding.decode(found.populations)
     best = populations[:, 0]
     history = found.history.assign(focal_length=best[:, 0], T_z=best[:, 1], kappa1=np.ravel(shared.kappa1(best)))
-    flags = linear.flags + coding.flags(best[-1])
+    flags = linear.flags + _edge_flags(coding, best[-1], object_points, image_points, camera)
     if kappa1 == "per-point":
         flags += ("With one kappa1 per point Eq. 7 is the same for all (f, T_z): these were drawn, not found.",)
     last, stage_1 = history.iloc[-1], linear.cam_from_object[0]
@@ -361,7 +377,7 @@ def optimum_in_box(object_points, image_points, camera, *, box=BOX):
         replace(linear.camera, focal_length=best[0], kappa1=kappa1),
         [RigidTransform.from_components([*stage_1.translation[:2], best[1]], stage_1.rotation)],
         [objective.residuals(best[None])[0]],
-        linear.flags + coding.flags(best),
+        linear.flags + _edge_flags(coding, best, object_points, image_points, camera),
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pegpose_lab import CalibrationError, TsaiCamera, board_pose, calibrate_joint
+from pegpose_lab import CalibrationError, TsaiCamera, board_pose, calibrate_dlt, calibrate_joint, profile_focal_length
 from pegpose_lab.calibration import covariance_table, pose_names
 from pegpose_lab.datasets import load_points, read_corners
 from pegpose_lab.experiment import paper_experiment, trial_poses
@@ -203,6 +203,44 @@ def test_correlation_of_f_and_depth():
         run = calibrate_joint([BOARD] * 6, images, CAMERA, principal_point="fixed")
         correlations.append(run.correlation("focal_length", "tz_0"))
     assert correlations[0] > 0.98 and correlations[1] < correlations[0]
+
+
+def test_profile_is_the_interval_by_sigma_where_the_views_are_good():
+    points, images = five_views(0.1, 2)
+    run = calibrate_joint(points, images, CAMERA)
+    half = 1.97 * run.sigma("focal_length")
+    low, high = profile_focal_length(points, images, CAMERA)
+    assert (low, high) == pytest.approx((run.camera.focal_length - half, run.camera.focal_length + half), abs=0.05 * half)
+    wider = profile_focal_length(points, images, CAMERA, level=0.99)
+    assert wider[0] < low and wider[1] > high
+
+
+def test_profile_of_a_single_view_holds_the_truth_as_often_as_it_says():
+    inside = 0
+    for seed in range(60):
+        points, images = five_views(0.1, seed)
+        low, high = profile_focal_length(points[1:2], images[1:2], CAMERA, principal_point="fixed")
+        inside += low < CAMERA.focal_length < high
+    assert 52 <= inside <= 60
+
+
+def test_profile_follows_the_trade_off_and_says_where_it_has_no_end():
+    """A board of 3 degrees: a smaller f at a smaller T_z explains it nearly as well, a larger one does not."""
+    pose = trial_poses(EXPERIMENT.board, 3.0, 1, 1)[0]
+    images = CAMERA.project(BOARD, pose) + 0.5 * np.random.default_rng(0).standard_normal((48, 2))
+    low, high = profile_focal_length([BOARD], [images], CAMERA, principal_point="fixed")
+    assert low < 0.5 * CAMERA.focal_length < CAMERA.focal_length < high
+    best = calibrate_joint([BOARD], [images], CAMERA, principal_point="fixed").camera.focal_length
+    assert best - low > 2 * (high - best)
+    assert profile_focal_length([BOARD], [images], CAMERA, principal_point="fixed", level=0.9999)[0] == 0
+
+
+def test_direct_linear_transform_is_exact_without_distortion():
+    camera = replace(CAMERA, kappa1=0.0)
+    run = calibrate_dlt(BOARD, camera.project(BOARD, EXPERIMENT.cam_from_boards[1]), CAMERA)
+    assert run.camera.focal_length == pytest.approx(CAMERA.focal_length, rel=1e-9) and run.rms < 1e-8
+    with pytest.raises(ValueError, match="plane"):
+        calibrate_dlt(BOARD + np.arange(48)[:, None] * [0, 0, 1.0], run.residuals[0], CAMERA)
 
 
 @pytest.mark.parametrize("camera", [CAMERA, CAMERA.to_opencv()])

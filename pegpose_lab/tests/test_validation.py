@@ -1,0 +1,60 @@
+"""What validation finds on simulated boards: the noise where all is well, and a wrong model where it is not."""
+
+import numpy as np
+import pytest
+
+from pegpose_lab import calibrate_joint, calibrate_zhang
+from pegpose_lab.experiment import paper_experiment, trial_poses
+from pegpose_lab.validation import coverage, leave_one_out, radial_profile, sensitivity
+
+TRUTH = paper_experiment()
+CAMERA, BOARD = TRUTH.camera, TRUTH.board.object_points
+POSES = trial_poses(TRUTH.board, 30.0, 10, 4)
+
+
+def views(noise, seed=0):
+    rng = np.random.default_rng(seed)
+    return [BOARD] * 10, [CAMERA.project(BOARD, pose) + noise * rng.standard_normal((48, 2)) for pose in POSES]
+
+
+def joint(object_points, image_points):
+    return calibrate_joint(object_points, image_points, CAMERA)
+
+
+def test_error_on_a_view_left_out_is_the_noise():
+    table = leave_one_out(joint, *views(0.1))
+    assert len(table) == 10 and table["rms"].mean() == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
+    assert (table["mean_distance"] <= table["rms"]).all()
+    assert table["focal_length"].between(CAMERA.focal_length * 0.999, CAMERA.focal_length * 1.001).all()
+    with pytest.raises(ValueError, match="three"):
+        leave_one_out(joint, *(part[:2] for part in views(0.1)))
+
+
+def test_coverage_counts_corners_by_cells():
+    corners = [np.array([[0.0, 0.0], [99.0, 0.0], [99.4, 79.4]]), np.array([[10.0, 70.0]])]
+    assert coverage(corners, (100, 80), (2, 2)).tolist() == [[1, 1], [1, 1]]
+    assert coverage(views(0.1)[1], CAMERA.image_size).sum() == 480
+    with pytest.raises(ValueError, match="cells"):
+        coverage(corners, (100, 80), (0, 2))
+
+
+def test_radial_profile_is_flat_for_the_right_model_and_bent_for_a_wrong_one():
+    points, images = views(0.1)
+    right = radial_profile(joint(points, images), images)
+    assert np.all(np.abs(right["residual"]) < 4 * right["sigma"]) and right["count"].sum() == 480
+    wrong = radial_profile(calibrate_joint(points, images, CAMERA, coefficients=()), images)
+    assert np.abs(wrong["residual"] / wrong["sigma"]).max() > 10
+    assert wrong["radius"].is_monotonic_increasing
+    with pytest.raises(ValueError, match="points"):
+        radial_profile(joint(points, images), images[:3])
+
+
+@pytest.mark.parametrize("calibrate", [joint, lambda *both: calibrate_zhang(*both, CAMERA.image_size, radial=1)])
+def test_sensitivity_compares_detectors_in_sigmas(calibrate):
+    points, images = views(0.1)
+    shifted = [corners + (0.5, 0.0) for corners in images]
+    table = sensitivity(calibrate, points, {"first": images, "again": images, "shifted": shifted}).set_index("detector")
+    moved = table.filter(like=" moved")
+    assert (moved.loc[["first", "again"]] == 0).all(axis=None)
+    assert table.loc["shifted", "c_x"] - table.loc["first", "c_x"] == pytest.approx(0.5, abs=1e-3)
+    assert abs(moved.loc["shifted", "c_y moved"]) < 1e-3

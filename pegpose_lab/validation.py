@@ -1,0 +1,165 @@
+"""How far a calibration can be trusted: views it has not seen, the part of the picture it knows, a wrong model's traces."""
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binned_statistic
+
+from .camera import OpenCVCamera
+from .checks import CalibrationError, as_number, as_points
+from .joint import board_pose
+
+LEAST_IN_RING = 5
+
+
+def leave_one_out(calibrate, object_points, image_points):
+    """Calibrate without each view in turn, and fit that view's pose alone through the camera of the others.
+
+    Parameters
+    ----------
+    calibrate : callable
+        Maps lists of object points and image points to a `Calibration`.
+    object_points, image_points : sequences of (n, 3) and (n, 2) array_like
+        mm and px, an entry a view; at least three.
+
+    Returns
+    -------
+    DataFrame
+        A row a view: rms and mean_distance (Eq. 7) of the view left out, px, and the others' focal_length (mm, or f_x in
+        px for an OpenCV camera).
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than three views.
+    CalibrationError
+        If the others do not determine the camera.
+    """
+    if len(object_points) < 3 or len(object_points) != len(image_points):
+        raise ValueError(
+            f"object_points has {len(object_points)} views and image_points {len(image_points)}; expected as many, three or more"
+        )
+    rows = []
+    for left_out in range(len(object_points)):
+        others = [[view for k, view in enumerate(views) if k != left_out] for views in (object_points, image_points)]
+        camera = calibrate(*others).camera
+        pose = board_pose(object_points[left_out], image_points[left_out], camera)
+        residuals = camera.project(object_points[left_out], pose) - image_points[left_out]
+        f = camera.camera_matrix[0, 0] if isinstance(camera, OpenCVCamera) else camera.focal_length
+        rows.append((np.sqrt(np.mean(np.sum(residuals**2, axis=1))), np.hypot(*residuals.T).mean(), f))
+    return pd.DataFrame(rows, columns=["rms", "mean_distance", "focal_length"])
+
+
+def coverage(image_points, image_size, cells=(8, 6)):
+    """Corners in each cell of a grid over the picture; where there are none, the distortion is extrapolated.
+
+    Parameters
+    ----------
+    image_points : sequence of (n, 2) array_like
+        px, an entry a view.
+    image_size : (int, int)
+        Width and height, px.
+    cells : (int, int)
+        Columns and rows.
+
+    Returns
+    -------
+    (rows, columns) int ndarray
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable.
+    """
+    columns, rows = (int(as_number(count, "cells", 1)) for count in cells)
+    width, height = (as_number(length, "image_size", 1) for length in image_size)
+    points = np.concatenate([as_points(view, 2, "image_points") for view in image_points])
+    edges = np.linspace(-0.5, height - 0.5, rows + 1), np.linspace(-0.5, width - 0.5, columns + 1)
+    return np.histogram2d(points[:, 1], points[:, 0], edges)[0].astype(int)
+
+
+def radial_profile(calibration, image_points, rings=8):
+    """Mean residual along the radius in rings round the principal point: a wrong distortion model leaves a curve.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    image_points : sequence of (n, 2) array_like
+        The measured points that it was made from, px.
+    rings : int
+        Rings of equal numbers of points.
+
+    Returns
+    -------
+    DataFrame
+        radius (mean, px), residual (mean of projected minus measured along the radius, px), sigma (its standard error),
+        count.
+
+    Raises
+    ------
+    ValueError
+        If there are fewer than `LEAST_IN_RING` points in a ring, or other points than residuals.
+    """
+    points, residuals = (np.concatenate(views) for views in (image_points, calibration.residuals))
+    if len(points) != len(residuals) or len(points) < LEAST_IN_RING * rings:
+        raise ValueError(
+            f"image_points has {len(points)} points and the calibration {len(residuals)}; expected as many, and at least "
+            f"{LEAST_IN_RING * rings} for {rings} rings"
+        )
+    camera = calibration.camera
+    center = camera.camera_matrix[:2, 2] if isinstance(camera, OpenCVCamera) else np.array(camera.principal_point)
+    arms = points - center
+    radius = np.hypot(*arms.T)
+    along = np.sum(arms * residuals, axis=1) / np.maximum(radius, 1e-9)
+    edges = np.quantile(radius, np.linspace(0, 1, rings + 1))
+    statistics = {
+        "radius": binned_statistic(radius, radius, "mean", edges)[0],
+        "residual": binned_statistic(radius, along, "mean", edges)[0],
+        "count": binned_statistic(radius, along, "count", edges)[0].astype(int),
+    }
+    statistics["sigma"] = binned_statistic(radius, along, "std", edges)[0] / np.sqrt(np.maximum(statistics["count"] - 1, 1))
+    return pd.DataFrame(statistics)[["radius", "residual", "sigma", "count"]]
+
+
+def sensitivity(calibrate, object_points, images):
+    """What the camera owes to the corners' detector: each parameter by several detectors, beside the stated sigma.
+
+    Parameters
+    ----------
+    calibrate : callable
+        As for `leave_one_out`.
+    object_points : sequence of (n, 3) array_like
+        mm, an entry a view.
+    images : dict of str to sequence of (n, 2) array_like
+        The same corners, px, by the detectors' names; the first is what the others are compared with.
+
+    Returns
+    -------
+    DataFrame
+        A row for each detector: rms (px), the camera's parameters, and how many of the first one's sigmas each moved.
+
+    Raises
+    ------
+    CalibrationError
+        If one of them does not determine the camera.
+    """
+    rows, first = {}, None
+    for name, image_points in images.items():
+        found = calibrate(object_points, image_points)
+        if found.covariance is None:
+            raise CalibrationError("calibrate states no covariance; compare a joint or Zhang's calibration")
+        names = [column for column in found.covariance.index if not column[-1].isdigit() or column in ("kappa1", "k1", "k2", "k3")]
+        values = np.array([_parameter(found.camera, column) for column in names])
+        first = (values, [found.sigma(column) for column in names]) if first is None else first
+        moved = (values - first[0]) / first[1]
+        rows[name] = {"rms": found.rms, **dict(zip(names, values)), **{f"{n} moved": m for n, m in zip(names, moved)}}
+    return pd.DataFrame(rows).T.rename_axis("detector").reset_index()
+
+
+def _parameter(camera, name):
+    """A camera's parameter by its name in the covariance."""
+    if isinstance(camera, OpenCVCamera):
+        matrix = camera.camera_matrix
+        known = {"f_x": matrix[0, 0], "f_y": matrix[1, 1], "c_x": matrix[0, 2], "c_y": matrix[1, 2]}
+        return (known | dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.dist_coeffs)))[name]
+    known = dict(zip(("c_x", "c_y"), camera.principal_point, strict=True))
+    return known[name] if name in known else getattr(camera, name)
