@@ -7,7 +7,7 @@ height, grey values, blur and noise) is chosen here, once, and stated.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import product
 from pathlib import Path
 
@@ -33,6 +33,7 @@ SHIFT_PER_FRAME = 1.5  # mm along x of the hub's plane
 BOARD_TILTS = ((-25.0, 5.0), (6.0, 27.0), (18.0, -20.0))  # deg about x and y, boards 2 to 4
 
 
+@cache
 def paper_camera():
     """The camera of Table 1, second row, read consistently (see the module's text)."""
     table = paper.table1().set_index("stage")

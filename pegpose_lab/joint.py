@@ -700,15 +700,14 @@ def _demand_tilt(object_points, poses, covariance):
     """Refuse a set of planes that are all fronto-parallel as far as their own sigmas can tell."""
     if not all(is_planar(points) for points in object_points):
         return
-    tilts, sigmas = [], []
-    for view, pose in enumerate(poses):
+    tilts, sigmas, matrix = [], [], covariance.to_numpy()
+    for first, pose in zip(range(len(matrix) - 6 * len(poses), len(matrix), 6), poses, strict=True):
         normal = pose.rotation.as_matrix()[:, 2]
         across = np.array([-normal[1], normal[0]])  # the axis of the tilt, times its sine
-        names = [f"rx_{view}", f"ry_{view}"]
         sine = np.linalg.norm(across)
         axis = across / sine if sine > 0 else np.array([1.0, 0.0])
         tilts.append(np.degrees(np.arcsin(min(sine, 1.0))))
-        sigmas.append(np.degrees(np.sqrt(axis @ covariance.loc[names, names].to_numpy() @ axis)))
+        sigmas.append(np.degrees(np.sqrt(axis @ matrix[first : first + 2, first : first + 2] @ axis)))
     if all(tilt < TILT_SIGNIFICANCE * sigma or tilt < 0.05 for tilt, sigma in zip(tilts, sigmas, strict=True)):
         raise CalibrationError(
             f"all planes are seen from straight ahead (tilts up to {max(tilts):.2g} deg, not distinguishable from 0): "

@@ -8,13 +8,16 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from .camera import TsaiCamera
 from .checks import DetectionError
 from .circles import find_circles
 from .corners import find_corners
 from .datasets import dataset, read_corners, write_corners
 from .edges import fit_discs
+from .joint import calibrate_joint
 from .results import PROJECT_FOLDER, replacing
 from .targets import Checkerboard
+from .validation import sensitivity
 
 FOLDER = PROJECT_FOLDER / "data" / "measured"
 CORNERS_FILE = "opencv_left_corners.csv"
@@ -33,6 +36,7 @@ SEARCHES = (  # data set, its pictures, radius range (px), polarity; all else is
 )
 MISSED_FILE = "missed_circles.csv"
 RIM, RIM_STEP = np.arange(2.0, 6.0), 10.0  # px on either side of a rim, and the step (grey values) that counts as one
+SENSITIVITY_FILE, WINDOWS = "opencv_left_detectors.csv", (5, 11)  # px, half widths
 GRID_FILE = "visp_circles_centers.csv"
 GRID_PITCH, GRID_SIZE = 34.0, (320, 240)  # mm, px
 GRID_RADIUS = GRID_PITCH / 3  # mm, of a disc
@@ -66,6 +70,34 @@ def _read(path):
     if image is None or image.shape[::-1] != LEFT_SIZE:
         raise ValueError(f"{path} is no picture of {LEFT_SIZE[0]} x {LEFT_SIZE[1]} px; get an unchanged copy")
     return image
+
+
+def measure_sensitivity():
+    """The joint calibration of opencv_left by three detectors, see `validation.sensitivity`.
+
+    This project's `find_corners`, and `cv2.cornerSubPix` from there with half windows of 5 and 11 px.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError, DetectionError
+        As `measure_corners`.
+    """
+    paths = sorted(dataset("opencv_left").glob("left[0-9][0-9].jpg"))
+    _, object_points, corners = measure_corners()
+    images, stop = {"find_corners": corners}, (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
+    for half in WINDOWS:
+        images[f"cornerSubPix, {half} px"] = [
+            cv2.cornerSubPix(_read(path), seen.astype(np.float32), (half, half), (-1, -1), stop).reshape(-1, 2)
+            for path, seen in zip(paths, corners, strict=True)
+        ]
+    width, height = LEFT_SIZE
+    camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), LEFT_SIZE)
+    return sensitivity(lambda *views: calibrate_joint(*views, camera), object_points, images)
+
+
+def load_sensitivity(path=FOLDER / SENSITIVITY_FILE):
+    """Read the table of `measure_sensitivity`."""
+    return pd.read_csv(path, comment="#")
 
 
 def load_corners(path=FOLDER / CORNERS_FILE):
@@ -203,6 +235,7 @@ def write_measured(folder=FOLDER):
     counts, missed = count_circles()
     for name, table, what in (
         (COUNTS_FILE, counts, "circles found in photographs with known counts"),
+        (SENSITIVITY_FILE, measure_sensitivity(), "joint calibration of opencv_left by three corner detectors"),
         (MISSED_FILE, missed.round(3), "discs that were not found in them (px), and the share of their rim with a step"),
     ):
         with replacing(folder / name) as path:

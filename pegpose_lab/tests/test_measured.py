@@ -91,3 +91,7 @@ def test_grid_of_another_picture_is_refused(tmp_path, monkeypatch, pegpose_data)
     monkeypatch.setenv("PEGPOSE_DATA", str(tmp_path))
     with pytest.raises(measured.DetectionError, match="36 discs"):
         measured.measure_grid()
+
+
+def test_sensitivity_is_current(pegpose_data):
+    pd.testing.assert_frame_equal(measured.measure_sensitivity(), measured.load_sensitivity(), rtol=1e-3, atol=1e-2)

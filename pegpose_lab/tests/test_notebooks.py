@@ -40,6 +40,7 @@ def test_all_steps_are_there():
         "06_peg_pose",
         "07_error_histograms",
         "08_paper_audit",
+        "09_uncertainty",
     } <= {path.stem for path in NOTEBOOKS}
 
 
