@@ -12,7 +12,8 @@ a disc of radius r, contrast A and noise sigma, no unbiased method can measure t
 than (sigma / A) sqrt(2 s / (sqrt(pi) r)) per axis.
 
 The fit runs over the centre, the radius of the circle of equal area r, the shape, log s and the
-levels.  The shape is a symmetric traceless matrix m (cos 2 angle, sin 2 angle; sin 2 angle, -cos 2 angle)
+levels; where the ground farther out is even, up to 24 px from the edge, its mean values help to know these.  The
+shape is a symmetric traceless matrix m (cos 2 angle, sin 2 angle; sin 2 angle, -cos 2 angle)
 with semi-axes r exp(+-m): unlike axes and angle it is regular for a perfect circle.
 """
 
