@@ -1,4 +1,4 @@
-"""Calibrations as files: OpenCV's FileStorage YAML with all that is known, ROS's camera_info YAML with the camera alone.
+"""Calibrations as files: OpenCV's FileStorage YAML with all that is known, ROS's camera_info with the camera alone.
 
 Only numbers and text are read from either, and nothing in a file is executed.
 """

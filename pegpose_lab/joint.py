@@ -5,8 +5,8 @@ meets no other, so the normal equations have the shape of an arrow,
 
 .. math:: \begin{pmatrix} A & B \\ B^T & C \end{pmatrix}, \qquad C = \mathrm{diag}(C_1, \dots, C_V),
 
-and eliminating the poses leaves the Schur complement :math:`S = A - \sum_v B_v C_v^{-1} B_v^T`, as small as the camera has
-parameters: time and memory grow linearly with the number of views.  S is also the information that the views
+and eliminating the poses leaves the Schur complement :math:`S = A - \sum_v B_v C_v^{-1} B_v^T`, as small as
+the camera has parameters: time and memory grow linearly with the number of views.  S is also the information that the views
 have about the camera when nothing is known of their poses; its smallest eigenvalue says whether they determine it.
 """
 
@@ -236,7 +236,7 @@ def board_pose(object_points, image_points, camera):
 
 
 def calibrate_dlt(object_points, image_points, camera):
-    """The direct linear transform of one view of a plane: homography, f by Zhang's two constraints, pose; no distortion.
+    """The direct linear transform of one view of a plane: homography, f by Zhang's two constraints, pose.
 
     Parameters
     ----------
@@ -650,7 +650,7 @@ def _minimise_robust(model, views, state, loss):
         distances = np.hypot(*np.moveaxis(_evaluate(model, views, state)[0], -1, 0))
         sigma = np.median(distances[views.used > 0]) / np.sqrt(2 * np.log(2))  # per axis: distances are Rayleigh's
         scaled = distances / max(sigma, SMALLEST_RMS)
-        weights = np.minimum(1, HUBER / np.maximum(scaled, HUBER)) if loss == "huber" else 1 / (1 + (scaled / CAUCHY) ** 2)
+        weights = HUBER / np.maximum(scaled, HUBER) if loss == "huber" else 1 / (1 + (scaled / CAUCHY) ** 2)
         before = state
         state, equations = _minimise(model, views, state, weights * views.used)
         if np.allclose(before.shared, state.shared, rtol=1e-10, atol=0):
@@ -691,8 +691,8 @@ def _undetermined(names, direction, poses):
     shifts = np.abs(poses[:, 3:]).max(axis=0)
     along_axis = ["T_z"] if shifts[2] > 0.1 * shifts.max() and shifts.max() > 0 else []
     return (
-        f"the views do not determine all of {', '.join(names)}: {' and '.join(free + along_axis)} trade off, they can change "
-        "together without moving a point; add views of other tilts (about 30 deg)"
+        f"the views do not determine all of {', '.join(names)}: {' and '.join(free + along_axis)} trade off, they can "
+        "change together without moving a point; add views of other tilts (about 30 deg)"
     )
 
 

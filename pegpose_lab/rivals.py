@@ -1,4 +1,4 @@
-"""The genetic algorithm's trial: its success over many seeds, and its rivals on the same corners by the same measures.
+"""The genetic algorithm's trial: its success over many seeds, and its rivals on the same corners and measures.
 
 ``python3 -m pegpose_lab.rivals`` writes data/measured/ga_success.csv: how often each variant of the algorithm ends at
 the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photographs.

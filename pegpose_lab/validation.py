@@ -1,4 +1,6 @@
-"""How far a calibration can be trusted: views it has not seen, the part of the picture it knows, a wrong model's traces."""
+"""How far a calibration can be trusted: views it has not seen, what it knows of the picture, a wrong model's traces."""
+
+import re
 
 import numpy as np
 import pandas as pd
@@ -36,7 +38,8 @@ def leave_one_out(calibrate, object_points, image_points):
     """
     if len(object_points) < 3 or len(object_points) != len(image_points):
         raise ValueError(
-            f"object_points has {len(object_points)} views and image_points {len(image_points)}; expected as many, three or more"
+            f"object_points has {len(object_points)} views and image_points {len(image_points)}; "
+            "expected as many, three or more"
         )
     rows = []
     for left_out in range(len(object_points)):
@@ -116,7 +119,8 @@ def radial_profile(calibration, image_points, rings=8):
         "residual": binned_statistic(radius, along, "mean", edges)[0],
         "count": binned_statistic(radius, along, "count", edges)[0].astype(int),
     }
-    statistics["sigma"] = binned_statistic(radius, along, "std", edges)[0] / np.sqrt(np.maximum(statistics["count"] - 1, 1))
+    spread = binned_statistic(radius, along, "std", edges)[0]
+    statistics["sigma"] = spread / np.sqrt(np.maximum(statistics["count"] - 1, 1))
     return pd.DataFrame(statistics)[["radius", "residual", "sigma", "count"]]
 
 
@@ -147,7 +151,7 @@ def sensitivity(calibrate, object_points, images):
         found = calibrate(object_points, image_points)
         if found.covariance is None:
             raise CalibrationError("calibrate states no covariance; compare a joint or Zhang's calibration")
-        names = [column for column in found.covariance.index if not column[-1].isdigit() or column in ("kappa1", "k1", "k2", "k3")]
+        names = [name for name in found.covariance.index if not re.search(r"_\d+$", name)]  # the camera's, no pose's
         values = np.array([_parameter(found.camera, column) for column in names])
         first = (values, [found.sigma(column) for column in names]) if first is None else first
         moved = (values - first[0]) / first[1]

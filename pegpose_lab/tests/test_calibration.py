@@ -23,6 +23,7 @@ from pegpose_lab import (
 )
 from pegpose_lab.calibration import covariance_table, pose_names
 from pegpose_lab.experiment import paper_experiment, paper_pose
+from pegpose_lab.measured import load_corners
 from pegpose_lab.two_stage import TwoStageObjective, kappa1_per_point, kappa1_shared
 
 EXPERIMENT = paper_experiment()
@@ -308,6 +309,18 @@ def test_willsons_file_is_flagged(pegpose_data):
     assert "sits on the edge" in run.flags[-1] and "profile likelihood" in run.flags[-1]
 
 
+def test_real_single_views_get_the_right_flags(pegpose_data):
+    """The box misses one of opencv_left's views, and Zhang's first board is hardly tilted; the others are not flagged."""
+    object_points, image_points, (width, height), names = load_corners()
+    camera = TsaiCamera(1.0, (1, 1), ((width - 1) / 2, (height - 1) / 2), (width, height))
+    runs = [calibrate_genetic(*view, camera, rng=0) for view in zip(object_points, image_points, strict=True)]
+    assert [name for name, run in zip(names, runs, strict=True) if run.flags] == ["left06"]
+    assert "edge of its box" in runs[names.index("left06")].flags[0]
+    camera = replace(camera, principal_point=(319.5, 239.5), image_size=(640, 480))
+    zhang = [calibrate_genetic(*view, camera, rng=0) for view in zip(*zhang_views(pegpose_data / "zhang_msr_5view"))]
+    assert ["trade off" in " ".join(run.flags) for run in zhang] == [True, False, False, False, False]
+
+
 def test_the_oracle_finds_the_truth_and_flags_the_edge_of_its_box():
     exact = optimum_in_box(*view(), CAMERA)
     assert exact.camera.focal_length == pytest.approx(47.95, rel=1e-8) and exact.mean_distance < 1e-9
@@ -550,7 +563,8 @@ def test_a_form_that_does_not_exist_is_named(tmp_path):
 
 def test_loading_executes_nothing(tmp_path):
     marker = tmp_path / "executed"
-    (tmp_path / "bad.yaml").write_text(f"!!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.Path ['{marker}']]")
+    text = f"!!python/object/apply:pathlib.Path.touch [!!python/object/apply:pathlib.Path ['{marker}']]"
+    (tmp_path / "bad.yaml").write_text(text)
     with pytest.raises(ValueError, match="bad.yaml"):
         Calibration.load(tmp_path / "bad.yaml")
     assert not marker.exists()

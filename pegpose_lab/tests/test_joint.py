@@ -73,7 +73,8 @@ def test_steps_by_the_schur_complement_are_those_of_the_whole_system():
     k = len(shared)
     np.testing.assert_allclose(shared, expected[:k], rtol=1e-6)
     np.testing.assert_allclose(np.hstack([turns, shifts]).ravel(), expected[k:], rtol=1e-5, atol=1e-9)
-    assert promised == pytest.approx(np.sum(residuals**2) - np.sum((dense(jacobian) @ expected + residuals.ravel()) ** 2))
+    left = dense(jacobian) @ expected + residuals.ravel()
+    assert promised == pytest.approx(np.sum(residuals**2) - np.sum(left**2))
 
 
 def test_covariance_is_that_of_the_whole_system():
@@ -199,7 +200,7 @@ def test_correlation_of_f_and_depth():
     for tilt in (5.0, 30.0):
         poses = trial_poses(EXPERIMENT.board, tilt, 6, 2)
         images = [CAMERA.project(BOARD, pose) for pose in poses]
-        images = [points + 0.02 * np.random.default_rng(view).standard_normal((48, 2)) for view, points in enumerate(images)]
+        images = [points + 0.02 * np.random.default_rng(k).standard_normal((48, 2)) for k, points in enumerate(images)]
         run = calibrate_joint([BOARD] * 6, images, CAMERA, principal_point="fixed")
         correlations.append(run.correlation("focal_length", "tz_0"))
     assert correlations[0] > 0.98 and correlations[1] < correlations[0]
