@@ -50,6 +50,44 @@ def _stack(discs, name):
     return np.concatenate([getattr(d, name) for d in discs])
 
 
+def _one_picture(noise=5.0, **drawing):
+    """Sixteen discs, and the circles to start from."""
+    rng = np.random.default_rng(3)
+    truth = _truth(rng, 0.97)
+    return truth, to_uint8(draw_ellipses(SHAPE, truth, **drawing), noise, rng), _near(truth, rng)
+
+
+def test_even_ground_stands_for_a_ring_as_wide(monkeypatch):
+    """The step by numbers, means and variances ends where least squares over all those pixels ends."""
+    truth, image, circles = _one_picture()
+    narrow = fit_discs(image, circles)
+    with monkeypatch.context() as patch:
+        patch.setattr(edges, "RING", edges.GROUND)
+        patch.setattr(edges, "GROUND", edges.GROUND + 0.1)
+        wide = fit_discs(image, circles)
+    radius = narrow.sigmas[:, 2]
+    assert np.abs(narrow.radii - wide.radii).max() < 0.25 * radius.min()
+    np.testing.assert_allclose(narrow.sigmas[:, :4], wide.sigmas[:, :4], rtol=0.05)
+    monkeypatch.setattr(edges, "GROUND", edges.RING)  # no ground: the radius is known less well
+    ring_alone = fit_discs(image, circles)
+    assert ring_alone.sigmas[:, 2].mean() > 1.03 * narrow.sigmas[:, 2].mean()
+
+
+def test_ground_is_left_alone_where_it_is_uneven_or_the_edge_reaches_it(monkeypatch):
+    truth, image, circles = _one_picture()
+    for x, y in truth[:, :2]:  # a grey ring 12 to 16 px outside each edge
+        rows, columns = np.mgrid[: SHAPE[0], : SHAPE[1]]
+        far = np.hypot(columns - x, rows - y)
+        image[(far > R + 12) & (far < R + 16)] += 30
+    uneven = fit_discs(image, circles)
+    _, blurred_image, _ = _one_picture(blur=1.9)
+    blurred = fit_discs(blurred_image, circles)
+    monkeypatch.setattr(edges, "_BY_LEVELS", np.array([[0.0, 1.0], [0.0, 1.0]]))  # only the inside counts
+    np.testing.assert_allclose(fit_discs(image, circles).radii, uneven.radii, atol=1e-6)
+    monkeypatch.setattr(edges, "GROUND", edges.RING)
+    np.testing.assert_array_equal(fit_discs(blurred_image, circles).radii, blurred.radii)
+
+
 @pytest.mark.parametrize("noise", [1, 5, 10])
 def test_reaches_the_cramer_rao_bound_with_honest_sigmas(noise):
     truth, discs = _measure(noise, ratio=0.97)
