@@ -21,6 +21,10 @@ _POLISH_ROUNDS = 5
 # ---- discs in perspective ----
 
 
+SETTLED = 1e-10
+"""mm: a fixed-point step of `back_project_discs` after which none is needed."""
+
+
 def project_discs(camera, cam_from_object, centers, radii):
     """Image of discs that lie in planes z = const of an object's frame.
 
@@ -65,7 +69,7 @@ def _derivative(curve):
     return np.fft.irfft(1j * order * np.fft.rfft(curve, axis=1), curve.shape[1], axis=1)
 
 
-def back_project_discs(image_centers, image_radii, camera, cam_from_plane, *, iterations=6):
+def back_project_discs(image_centers, image_radii, camera, cam_from_plane, *, iterations=30):
     """Find the discs in the plane z = 0 of a frame whose images have given centres and radii.
 
     Parameters
@@ -77,7 +81,8 @@ def back_project_discs(image_centers, image_radii, camera, cam_from_plane, *, it
     camera : TsaiCamera or OpenCVCamera
     cam_from_plane : RigidTransform
     iterations : int
-        Fixed-point iterations; the correction shrinks a hundredfold in each.
+        Most fixed-point iterations: the correction shrinks a hundredfold in each, less for large discs seen at a
+        steep slant; they end when nothing moves by more than `SETTLED`.
 
     Returns
     -------
@@ -99,8 +104,11 @@ def back_project_discs(image_centers, image_radii, camera, cam_from_plane, *, it
     for _ in range(iterations):
         seen, seen_radii = project_discs(camera, cam_from_plane, centers, radii)
         shift = seen - camera.project(centers, cam_from_plane)
-        centers = camera.back_project(image_centers - shift, cam_from_plane)
-        radii = radii * image_radii / seen_radii
+        before, centers = centers, camera.back_project(image_centers - shift, cam_from_plane)
+        growth = image_radii / seen_radii
+        radii = radii * growth
+        if max(np.abs(centers - before).max(), np.abs(radii * (growth - 1)).max()) <= SETTLED:
+            break
     return centers, radii
 
 

@@ -91,6 +91,14 @@ def test_back_projection_inverts_projection(x, y, radius, tilt, azimuth):
     np.testing.assert_allclose(radii, [radius], rtol=1e-7)
 
 
+def test_back_projection_of_a_large_slanted_disc_settles():
+    pose = hub_pose(44.0, 0.0)
+    images = project_discs(CAMERA, pose, [[0.0, 0.0, 0.0]], [25.0])
+    centers, radii = back_project_discs(*images, CAMERA, pose)
+    np.testing.assert_allclose(centers, [[0.0, 0.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(radii, [25.0], rtol=1e-10)
+
+
 # ---- pose ----
 
 

@@ -55,6 +55,7 @@ def test_sensitivity_compares_detectors_in_sigmas(calibrate):
     shifted = [corners + (0.5, 0.0) for corners in images]
     table = sensitivity(calibrate, points, {"first": images, "again": images, "shifted": shifted}).set_index("detector")
     moved = table.filter(like=" moved")
-    assert (moved.loc[["first", "again"]] == 0).all(axis=None)
+    assert (moved.loc["first"] == 0).all()
+    assert (moved.loc["again"].abs() < 1e-6).all()  # OpenCV's threads add in another order each time
     assert table.loc["shifted", "c_x"] - table.loc["first", "c_x"] == pytest.approx(0.5, abs=1e-3)
     assert abs(moved.loc["shifted", "c_y moved"]) < 1e-3
