@@ -22,6 +22,7 @@ from .corners import find_corners
 from .joint import board_pose, calibrate_dlt, calibrate_joint
 from .results import replacing
 from .two_stage import BOX, TwoStageObjective, calibrate_genetic, calibrate_tsai, optimum_in_box
+from .validation import leave_one_out
 from .zhang import calibrate_zhang
 
 COMMAND = "python3 -m pegpose_lab.rivals"
@@ -273,11 +274,8 @@ def _held_out(found, method, shared, views, camera):
     """Mean E of views that the method did not see."""
     if not shared:
         return np.mean([_pose_error(found.camera, *view) for view in views[1:]])
-    errors = []
-    for index, view in enumerate(views):
-        others = views[:index] + views[index + 1 :]
-        errors.append(_pose_error(method(others, camera)[0].camera, *view))
-    return np.mean(errors)
+    left_out = leave_one_out(lambda *others: method(list(zip(*others, strict=True)), camera)[0], *zip(*views, strict=True))
+    return left_out["mean_distance"].mean()
 
 
 def _pose_error(camera, object_points, image_points):
