@@ -19,10 +19,11 @@ from tqdm import tqdm
 
 from . import paper
 from .camera import TsaiCamera
-from .checks import CalibrationError, as_number
+from .checks import CalibrationError, DetectionError, as_number
+from .corners import find_corners
 from .joint import calibrate_joint
 from .render import render_board, render_hub
-from .results import replacing
+from .results import PROJECT_FOLDER, replacing
 from .targets import Checkerboard, Hub
 from .two_stage import calibrate_genetic, calibrate_tsai
 from .zhang import calibrate_zhang
@@ -150,24 +151,31 @@ def paper_experiment(**changes):
 METHODS = ("tsai", "genetic", "zhang", "joint")
 """Methods of `monte_carlo`; the first two get the first of the views alone, and the true principal point."""
 
+CORNERS = ("simulated", "rendered")
+"""Where `monte_carlo` takes its corners from."""
+
 PARAMETERS = ("focal_length", "c_x", "c_y", "kappa1")
 BATCH = 100  # trials between two writes of the file
 BOARD_DEPTH = 310.0  # mm, of the board's middle: all corners of a board tilted by up to 45 degrees are in the picture
 BOARD_SHIFT = 25.0  # mm, largest in x and y
 
-_KEY = ["seed", "noise", "tilt", "views", "method", "trial"]
+_KEY = ["seed", "corners", "noise", "tilt", "views", "method", "trial"]
 _COLUMNS = [*_KEY, *(column for name in PARAMETERS for column in (name, f"{name}_sigma"))]
-_COLUMNS += ["T_z_error", "rms", "mean_distance", "expected_rms", "status"]
+_COLUMNS += ["T_z_error", "rms", "mean_distance", "corner_sigma", "expected_rms", "status"]
+
+RENDERED_FILE = PROJECT_FOLDER / "data" / "measured" / "rendered_trials.csv"
+RENDERED = {"corners": "rendered", "noises": (2.0,), "trials": 200}
+"""The trials of `write_rendered_trials`: pictures with the noise of the paper's experiment."""
 
 
 def monte_carlo(
-    *, noises=(0.1,), tilts=(30.0,), views=(5,), methods=("joint",), trials=100, seed=0, workers=None, path=None,
-    progress=True,
+    *, corners="simulated", noises=(0.1,), tilts=(30.0,), views=(5,), methods=("joint",), trials=100, seed=0,
+    workers=None, path=None, progress=True,
 ):
-    """Calibrate the paper's camera from simulated corners, many times, in all combinations of the conditions.
+    """Calibrate the paper's camera, whose truth is known, many times in all combinations of the conditions.
 
-    A trial draws its boards from the seed, the tilt, the number of views and its own number, and the noise of the
-    corners from these and the level: all methods get the same corners, all noise levels the same boards, and the
+    A trial draws its boards from the seed, the tilt, the number of views and its own number, and the noise
+    from these and the level: all methods get the same corners, all noise levels the same boards, and the
     numbers are the same for any number of workers, in whatever order they work.
 
     The engine is joblib, so another backend takes the trials over by a context manager, for instance a Dask
@@ -179,8 +187,10 @@ def monte_carlo(
 
     Parameters
     ----------
+    corners : {"simulated", "rendered"}
+        Exact corners with noise, or those that `find_corners` finds in rendered pictures (about 2 s a trial).
     noises : sequence of float
-        Standard deviation of the corners' noise per axis, px.
+        Standard deviation of the simulated corners' noise per axis, px, or of the pictures' noise, grey values.
     tilts : sequence of float
         Angle between board and picture plane, degrees, at most 45; the directions of the views are spread evenly.
     views : sequence of int
@@ -200,18 +210,22 @@ def monte_carlo(
     Returns
     -------
     DataFrame
-        A row for each trial, ordered by its key seed, noise, tilt, views, method, trial: focal_length and kappa1
+        A row for each trial, ordered by its key seed, corners, noise, tilt, views, method, trial: focal_length and kappa1
         (mm, mm^-2), c_x, c_y (px), each with its stated sigma (NaN if the method states none); T_z_error, mm, of
-        the first view's middle; rms and mean_distance, px; expected_rms = noise sqrt(2 (1 - p / 2n)), px, for n
-        points and p parameters; status, empty or the `CalibrationError`'s text, and then the numbers are NaN.
+        the first view's middle; rms and mean_distance, px; corner_sigma, px: the noise of simulated corners, of found
+        ones the root mean square error per axis; expected_rms = corner_sigma sqrt(2 (1 - p / 2n)), px, for n
+        points and p parameters; status, empty or the text of the `DetectionError` or `CalibrationError`, and then
+        the numbers are NaN.
 
     Raises
     ------
     ValueError
         If an argument is unusable or the file has other columns.
     """
+    if corners not in CORNERS:
+        raise ValueError(f"corners is {corners!r}; expected {' or '.join(map(repr, CORNERS))}")
     conditions = _as_conditions(noises, tilts, views, methods, trials)
-    wanted = [(int(seed), *condition) for condition in conditions]
+    wanted = [(int(seed), corners, *condition) for condition in conditions]
     done = _finished(path)
     known = set(done[_KEY].itertuples(index=False, name=None))
     tasks = [key for key in wanted if key not in known]
@@ -227,23 +241,32 @@ def monte_carlo(
     return done.set_index(_KEY).loc[sorted(wanted)].reset_index()
 
 
-def run_trial(seed, noise, tilt, views, method, trial):
+def run_trial(seed, corners, noise, tilt, views, method, trial):
     """One row of `monte_carlo`'s table, as a tuple."""
     camera, board = paper_camera(), Checkerboard(8, 6, paper.printed("setup.pitch"))
     poses = trial_poses(board, tilt, views, [seed, _whole(tilt), views, trial])
     rng = np.random.default_rng([seed, _whole(tilt), views, trial, _whole(noise)])
-    image_points = [camera.project(board.object_points, pose) for pose in poses]
-    image_points = [points + noise * rng.standard_normal(points.shape) for points in image_points]
-    key = (seed, noise, tilt, views, method, trial)
+    key = (seed, corners, noise, tilt, views, method, trial)
     try:
+        image_points, sigma = _see(corners, camera, board, poses, noise, rng)
         found, unknowns = _calibrate(method, [board.object_points] * views, image_points, camera, rng)
-    except CalibrationError as error:
-        return (*key, *[np.nan] * (2 * len(PARAMETERS) + 4), str(error))
+    except (DetectionError, CalibrationError) as error:
+        return (*key, *[np.nan] * (2 * len(PARAMETERS) + 5), str(error))
     values = [value for name in PARAMETERS for value in _estimate(found, name, camera)]
     middle = [pose.apply(board.center)[2] for pose in (found.cam_from_object[0], poses[0])]
     n = sum(len(points) for points in found.residuals)
-    expected = noise * np.sqrt(2 * (1 - unknowns / (2 * n)))
-    return (*key, *values, middle[0] - middle[1], found.rms, found.mean_distance, expected, "")
+    expected = sigma * np.sqrt(2 * (1 - unknowns / (2 * n)))
+    return (*key, *values, middle[0] - middle[1], found.rms, found.mean_distance, sigma, expected, "")
+
+
+def _see(corners, camera, board, poses, noise, rng):
+    """The corners of a trial, an (n, 2) array for each board, and their standard deviation per axis, px."""
+    exact = [camera.project(board.object_points, pose) for pose in poses]
+    if corners == "simulated":
+        return [points + noise * rng.standard_normal(points.shape) for points in exact], noise
+    pictures = [render_board(camera, pose, board, blur=Experiment.blur, noise=noise, rng=rng) for pose in poses]
+    found = [find_corners(picture, board) for picture in pictures]
+    return found, float(np.sqrt(np.mean(np.square(np.subtract(found, exact)))))
 
 
 def trial_poses(board, tilt, views, rng):
@@ -308,6 +331,16 @@ def _finished(path):
     if list(table.columns) != _COLUMNS:
         raise ValueError(f"path {path} has columns {', '.join(table.columns)}; expected {', '.join(_COLUMNS)}")
     return table.astype({"noise": float, "tilt": float}).fillna({"status": ""})
+
+
+def write_rendered_trials(path=RENDERED_FILE, *, workers=2):
+    """Run the trials `RENDERED` of `monte_carlo` (some minutes), or those that the file does not have yet."""
+    return monte_carlo(**RENDERED, workers=workers, path=path)
+
+
+def load_rendered_trials(path=RENDERED_FILE):
+    """Read what `write_rendered_trials` wrote."""
+    return _finished(path)
 
 
 def _as_table(rows):

@@ -22,6 +22,9 @@ COLORS = {
     "measured": "#56B4E9",
 }
 
+SERIES = ("#332288", "#CC6677", "#117733", "#AA9933", "#88CCEE", "#882255")
+"""Colours of what is no method: views, tilts, pegs, readings (from Paul Tol's muted palette)."""
+
 # Colour, marker and line of each circle detector: one colour for a family, ours full and thick.
 DETECTORS = {
     "ours": ("#009E73", "o", "-"),

@@ -40,6 +40,7 @@ VARIANTS = {
 }
 """The genetic algorithm as it is here, and as the paper prints it: options of `calibrate_genetic`."""
 
+GENETIC, DIFFERENTIAL_EVOLUTION = "GA, genes (m, T_z)", "differential evolution"
 PARTICLES, PARTICLE_STEPS = 30, 100
 INERTIA, PULL = 0.7298, 1.49618  # Clerc and Kennedy's constriction
 
@@ -143,12 +144,24 @@ def compare(object_points, image_points, camera, *, truth=None, rng=0):
     views, rows = list(zip(object_points, image_points, strict=True)), []
     for name, (method, shared) in _METHODS.items():
         start = time.process_time()
-        found, evaluations = method(views, camera) if shared else method(_Setting(*views[0], camera, rng))
+        found, evaluations = method(views, camera) if shared else search(name, *views[0], camera, rng)
         ms = 1e3 * (time.process_time() - start)
         measures = _measures(found, views, truth, camera.pixel_pitch[0])
         rows.append((name, *measures, _held_out(found, method, shared, views, camera), evaluations, ms))
     columns = ["method", "E", "rms", "sd_x", "sd_y", "f", "f_error", "T_z_error", "held_out", "evaluations", "ms"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def search(name, object_points, image_points, camera, rng):
+    """Calibrate one view by one of the single-view methods of `compare`.
+
+    Returns
+    -------
+    Calibration, int or NaN
+        And the evaluations of the objective.
+    """
+    method, _ = _METHODS[name]
+    return method(_Setting(object_points, image_points, camera, rng))
 
 
 class _Setting:
@@ -245,8 +258,8 @@ _METHODS = {  # name: (method, whether it is for all views)
     "linear only": (lambda setting: (setting.linear, np.nan), False),
     "GA as printed": (lambda setting: _genetic(setting, initialisation="equal", **PRINTED), False),
     "GA corrected": (lambda setting: _genetic(setting, genes="printed"), False),
-    "GA, genes (m, T_z)": (_genetic, False),
-    "differential evolution": (_differential_evolution, False),
+    GENETIC: (_genetic, False),
+    DIFFERENTIAL_EVOLUTION: (_differential_evolution, False),
     "particle swarm": (_particle_swarm, False),
     "Nelder-Mead": (_nelder_mead, False),
     "least squares of f, T_z, k1": (_three_parameters, False),

@@ -1,318 +1,15 @@
-"""The benchmark: its bounds, its scores, its verdicts, and that what it writes can be read back."""
+"""The benchmark's report: its verdicts, that what it writes can be read back, and the command."""
 
 import ast
 import json
-import subprocess
-import sys
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
-from discs import center_bound, draw_ellipses, to_uint8
-from numpy.testing import assert_allclose
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab import bench, environment, fit_discs, peers, plotting
-from pegpose_lab.render import TrueDisc
-
-CLEAN, TILT, HIGHLIGHTS, CLUTTER, *_ = bench.SCENES
-FAST = ("ours", "HoughCircles GRADIENT", "SimpleBlobDetector", "contours + fitEllipse")
-
-
-@pytest.fixture(scope="module")
-def frames():
-    """One frame of each of the four scenes."""
-    return {scene.name: bench.draw_frame(scene, 0) for scene in (CLEAN, TILT, HIGHLIGHTS, CLUTTER)}
-
-
-@pytest.fixture(scope="module")
-def measured():
-    """Two clean frames, two levels of noise."""
-    plan = bench.Plan({CLEAN: (2, (1, 5))}, (), (), FAST)
-    return bench.measure(plan, workers=1)
-
-
-# ---- frames and bounds ----
-
-
-def test_frames_are_what_their_scene_says(frames):
-    radii = {name: [disc.truth.radius for disc in frame.discs] for name, frame in frames.items()}
-    for name, frame in frames.items():
-        assert frame.picture.dtype == np.float32 and frame.picture.shape == (1200, 1600)
-        assert [disc.peg for disc in frame.discs] == [1, 2, 3, 4, 0, 0, 0]
-        low, high = bench.RADIUS_RANGE
-        assert [low <= radius <= high for radius in radii[name]] == [True] * 4 + [False] * 3
-        assert bench.BLUR[0] ** 2 < frame.edge_width**2 - 1 / 12 < bench.BLUR[1] ** 2
-    assert np.ptp(radii["clean"][:4]) < 1.5 < np.ptp(radii["tilt"][:4])
-
-
-def test_frames_are_the_same_every_time_and_no_two_are_alike(frames):
-    again, other = bench.draw_frame(CLEAN, 0), bench.draw_frame(CLEAN, 1)
-    assert (again.picture == frames["clean"].picture).all()
-    assert (other.picture != again.picture).any()
-    assert (frames["tilt"].picture != again.picture).any()
-
-
-def test_bound_is_the_information_in_a_drawn_disc():
-    """The Fisher information summed over the pixels: squared derivatives of the picture over the variance."""
-    step, information = 0.02, []
-    for dx, dr in ((step, 0), (0, step)):
-        discs = [(50.2 + k * dx, 49.7, *[30 + k * dr] * 2, 0) for k in (-1, 1)]
-        pictures = [draw_ellipses((101, 101), [disc], oversample=8) for disc in discs]
-        slope = (pictures[1] - pictures[0]) / (2 * step)
-        information.append((slope**2).sum() / (5**2 + 1 / 12))
-    bound = bench.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
-    assert_allclose(1 / np.sqrt(information), [bound, bound / np.sqrt(2)], rtol=0.02)
-    assert_allclose(bound, center_bound(30, 100, 0.9, 5))
-
-
-def test_fits_of_drawn_discs_reach_the_bound():
-    """The bound holds for what it is divided into: drawn discs, measured with known noise."""
-    rng, errors = np.random.default_rng(3), []
-    for _ in range(60):
-        x, y = 50 + rng.uniform(-0.5, 0.5, 2)
-        image = to_uint8(draw_ellipses((101, 101), [(x, y, 30, 30, 0)]), 5, rng)
-        discs = fit_discs(image, SimpleNamespace(centers=[[50.0, 50.0]], radii=[30.0]))
-        bound = bench.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
-        errors.append(np.append(discs.centers[0] - [x, y], (discs.radii[0] - 30) * np.sqrt(2)) / bound)
-    assert 0.8 < np.sqrt(np.mean(np.square(errors))) < 1.25
-
-
-def test_whole_edge_is_visible_on_uniform_surroundings(frames):
-    for disc in [*frames["clean"].discs[:4], *frames["tilt"].discs[:4]]:
-        assert disc.visible == 1
-        assert_allclose(disc.arc, 1, atol=0.03)  # equal but for the ellipse's uneven spacing
-
-
-def test_spots_and_swarf_hide_parts_of_the_edge(frames):
-    for name in ("highlights", "clutter"):
-        discs = frames[name].discs[:4]
-        assert all(0.3 < disc.visible < 1 for disc in discs)
-        assert all((disc.arc > 1).all() for disc in discs)
-
-
-def _circle_points(count=360):
-    t = np.arange(count) * (2 * np.pi / count)
-    return t, 40 * np.column_stack([np.cos(t), np.sin(t)])
-
-
-def test_bound_of_an_arc_is_that_of_a_fit_to_it():
-    """A simulated fit of centre, radius and shape to noisy edge points of three quarters of a circle."""
-    t, outline = _circle_points()
-    visible = np.abs(t - np.pi) < 0.75 * np.pi
-    share, arc = bench._arc_shape(visible, outline)
-    assert_allclose(share, 0.75, atol=0.01)
-    design = np.column_stack([np.cos(t), np.sin(t), np.ones_like(t), np.cos(2 * t), np.sin(2 * t)])
-    noise = np.random.default_rng(0).normal(size=(len(t), 4000))
-    whole = np.linalg.lstsq(design, noise)[0].std(axis=1)
-    part = np.linalg.lstsq(design[visible], noise[visible])[0].std(axis=1)
-    assert_allclose(arc, (part / whole)[:3], rtol=0.06)
-
-
-def test_bound_of_too_short_an_arc_is_infinite():
-    t, outline = _circle_points()
-    assert np.isinf(bench._arc_shape(t < 0.2, outline)[1]).all()
-    assert np.isinf(bench._arc_shape(np.zeros(len(t), bool), outline)[1]).all()
-
-
-# ---- scores ----
-
-
-def _frame(*discs):
-    """A frame with discs x, y, radius; the first two are pegs."""
-    truths = [TrueDisc(np.array([x, y]), np.pi * r * r, r) for x, y, r in discs]
-    made = [bench.Disc(t, k + 1 if k < 2 else 0, 1.0, np.array([1.5, 1.5, 2.0])) for k, t in enumerate(truths)]
-    return bench.Frame(None, made, 100.0, 1.0)
-
-
-def _found(rows, sigmas=None):
-    rows = np.reshape(rows, (-1, 3)).astype(float)
-    return peers.Found(rows[:, :2], rows[:, 2], sigmas)
-
-
-FRAME = _frame((100, 100, 50), (300, 100, 50), (500, 100, 80), (200, 300, 45))
-
-
-def test_score_counts_each_disc_once_and_the_rest_as_false():
-    wrong = [(300, 100, 56), (700, 700, 50), (500, 100, 58)]
-    found = _found([(101, 100, 50), (100, 100, 49.5), *wrong, (204, 300, 45)])
-    rows, false_positives = bench._score(FRAME, found, 5)
-    assert [row[:2] for row in rows] == [(1, True), (2, False), (0, True)]  # the bore (80 px) is not expected
-    assert_allclose(rows[0][4:6], 0, atol=1e-12)  # the nearer of two
-    assert false_positives == 4
-
-
-@pytest.mark.parametrize("offset", [(5.1, 0, 0), (0, 0, 5.1), (0, 0, -5.1), (-3.7, 3.7, 0)])
-def test_what_is_off_by_more_than_a_tenth_is_not_detected(offset):
-    rows, false_positives = bench._score(FRAME, _found([np.add((100, 100, 50), offset)]), 5)
-    assert not rows[0][1] and false_positives == 1
-    rows, false_positives = bench._score(FRAME, _found([np.add((100, 100, 50), np.multiply(offset, 0.9))]), 5)
-    assert rows[0][1] and false_positives == 0
-
-
-def test_errors_are_divided_by_bound_arc_bound_and_sigma():
-    sigmas = np.array([[0.1, 0.2, 0.4]])
-    rows, _ = bench._score(FRAME, _found([(100.2, 100.2, 50.2)], sigmas), 5)
-    bound = bench.center_bound(50, 100, 1.0, 5)
-    peg, found, visible, arc, *errors = rows[0]
-    assert (peg, found, visible, arc) == (1, True, 1.0, 1.5)
-    ratios = np.array([1, 1, np.sqrt(2)]) * 0.2 / bound
-    assert_allclose(errors, [*ratios, *ratios / [1.5, 1.5, 2], 2, 1, 0.5], rtol=1e-6)
-    rows, _ = bench._score(FRAME, _found([(100.2, 100.2, 50.2)]), 5)
-    assert np.isnan(rows[0][-3:]).all()
-
-
-def test_nothing_found_is_scored_without_a_warning():
-    rows, false_positives = bench._score(FRAME, _found([]), 5)
-    assert [row[1] for row in rows] == [False] * 3 and false_positives == 0
-    table = bench.summarize(
-        pd.DataFrame([("clean", 5, 0, peers.OURS, 0.01, 0)], columns=bench.FRAME_COLUMNS),
-        pd.DataFrame([("clean", 5, 0, peers.OURS, *row) for row in rows], columns=bench.DISC_COLUMNS),
-    )
-    assert table["detection"][0] == 0 and table[["center", "center_rms", "coverage"]].isna().all(axis=None)
-
-
-def test_statistics_of_normal_errors():
-    values = np.random.default_rng(1).normal(size=200_000)
-    assert_allclose([bench._rms(values), bench._robust_rms(values), bench._spread(values)], 1, atol=0.01)
-    assert_allclose(bench._coverage(values), 95, atol=0.2)
-    assert np.isnan(bench._coverage(np.full(3, np.nan)))
-
-
-def test_time_ratio_is_that_of_the_same_frame():
-    rows = [("clean", 5, k, name, seconds, 0) for k in range(5) for name, seconds in
-            ((peers.OURS, 0.03 * 10**k), (peers.REFERENCE, 0.01 * 10**k))]  # fmt: skip
-    frames = pd.DataFrame(rows, columns=bench.FRAME_COLUMNS)
-    table = bench.summarize(frames, pd.DataFrame([], columns=bench.DISC_COLUMNS).astype({"found": bool}))
-    assert_allclose(table["time_ratio"], [3, 1])
-    assert_allclose(table["ms"], [3000, 1000])
-
-
-# ---- methods ----
-
-
-@pytest.mark.parametrize("name", [n for n, m in peers.METHODS.items() if m.module == "cv2" or m.share == 1])
-def test_every_fast_method_finds_the_clean_pegs(name, frames):
-    method = peers.METHODS[name]
-    if peers.missing(method):
-        pytest.skip(peers.missing(method))
-    found, seconds = peers.run(method, bench.expose(frames["clean"].picture, 2, 0), bench.RADIUS_RANGE)
-    rows, false_positives = bench._score(frames["clean"], found, 2)
-    assert all(row[1] for row in rows) and len(rows) == 4
-    assert false_positives == 0 and seconds > 0
-
-
-def _small_picture():
-    picture = draw_ellipses((150, 220), [(70.3, 74.8, 45, 45, 0), (170, 74, 20, 20, 0)])
-    return to_uint8(picture, 1, 0)
-
-
-@pytest.mark.parametrize("name", peers.METHODS)
-def test_methods_keep_to_the_range_and_bear_empty_pictures(name):
-    method = peers.METHODS[name]
-    if peers.missing(method):
-        pytest.skip(peers.missing(method))
-    found, _ = peers.run(method, _small_picture(), (40, 60))
-    assert len(found) == 1
-    assert_allclose(found.centers[0], [70.3, 74.8], atol=1.5)
-    assert_allclose(found.radii[0], 45, atol=1.5)
-    assert len(peers.run(method, np.full((150, 220), 60, np.uint8), (40, 60))[0]) == 0
-
-
-def test_radius_sigma_is_first_order_in_the_axes():
-    discs = fit_discs(_small_picture(), SimpleNamespace(centers=[[70.0, 75.0], [10.0, 10.0]], radii=[44.0, 40.0]))
-    draws = np.random.default_rng(0).multivariate_normal(discs.semi_axes[0], discs.covariance[0, 2:4, 2:4], 50_000)
-    sigmas = peers.radius_sigmas(discs)
-    assert_allclose(sigmas[0], np.sqrt(draws.prod(axis=1)).std(), rtol=0.02)
-    assert np.isinf(sigmas[1])
-
-
-def test_missing_packages_are_named(monkeypatch, tmp_path):
-    monkeypatch.setattr(environment, "VENV", tmp_path)
-    method = peers.METHODS["EdgeDrawing"]
-    assert peers.missing(method) == "opencv-contrib-python-headless is not installed"
-    assert peers.version(method) == ""
-    monkeypatch.setattr(peers.importlib.util, "find_spec", lambda _: None)
-    assert "scikit-image" in peers.missing(peers.METHODS["skimage hough_circle"])
-    plan = bench.Plan({}, (), (), ("EdgeDrawing",), ("EdgeDrawing",))
-    assert bench.describe_methods(plan)["missing"][0] == peers.missing(method)
-    assert bench._methods_for(plan, 0, 10) == []
-
-
-def test_slow_methods_get_the_first_frames_only(monkeypatch):
-    monkeypatch.setattr(peers, "missing", lambda _: "")
-    chosen = [name for k in range(200) for name in bench._methods_for(bench.FULL, k, 200)]
-    counts = {name: chosen.count(name) for name in peers.METHODS}
-    assert {counts[name] for name in FAST} == {200}
-    assert counts["skimage hough_circle"] == counts["find_circles accumulator"] == 8
-    assert counts["find_circles two-stage"] == 20
-    assert "skimage hough_circle" in bench._methods_for(bench.QUICK, 0, 1)
-
-
-def test_every_detector_has_a_style_of_its_own():
-    assert set(plotting.DETECTORS) == set(peers.METHODS)
-    assert len(set(plotting.DETECTORS.values())) == len(peers.METHODS)
-
-
-# ---- measuring ----
-
-
-def test_a_run_measures_every_method_on_every_frame(measured):
-    frames, discs = measured
-    assert len(frames) == 2 * 2 * len(FAST) and len(discs) == 4 * len(frames)
-    table = bench.summarize(frames, discs).set_index(["method", "noise"])
-    assert (table["detection"] == 100).all() and (table["frames"] == 2).all() and (table["ms"] > 0).all()
-    assert (table.loc[peers.REFERENCE, "time_ratio"] == 1).all()
-    for noise in (1, 5):
-        ours = table.loc[(peers.OURS, noise)]
-        assert 0.3 < ours["center_rms"] < 2 and 0.3 < ours["center_sd"] < 2
-        assert table.loc[(peers.REFERENCE, noise), "center_rms"] > 10
-    assert table["coverage"].notna().sum() == 2
-
-
-def test_the_same_frames_give_the_same_errors(measured):
-    _, discs = bench.measure_frame(CLEAN, 1, (5,), FAST)
-    again = pd.DataFrame(discs, columns=bench.DISC_COLUMNS)
-    before = measured[1].query("frame == 1 and noise == 5").reset_index(drop=True)
-    pd.testing.assert_frame_equal(again, before)
-
-
-def test_threads_of_opencv_are_given_back():
-    before = bench.cv2.getNumThreads()
-    with pytest.raises(ZeroDivisionError), bench._one_thread():
-        assert bench.cv2.getNumThreads() == 1
-        raise ZeroDivisionError
-    assert bench.cv2.getNumThreads() == before
-
-
-def test_memory_is_that_of_the_call(tmp_path):
-    """A method that makes an array of 160 MB from a picture of 20 MB, which is there before."""
-    np.save(tmp_path / "frame.npy", np.zeros((4000, 5000), np.uint8))
-    code = (
-        "import sys, numpy as np; from pegpose_lab import bench, peers; "
-        "peers.METHODS['x'] = peers.Method('x', lambda image, _: np.ones(image.size).sum(), ''); "
-        "bench.tell_memory('x', sys.argv[1])"
-    )
-    command = [sys.executable, "-c", code, tmp_path / "frame.npy"]
-    told = float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    assert 140 < told < 175
-
-
-def test_larger_pictures_show_the_same_scene():
-    small, large = bench._camera(), bench._scaled(bench._camera(), 1.5)
-    point, pose = [[10.0, -20.0, 3.0]], bench._pose(TILT, np.random.default_rng(0))
-    center = np.add(small.principal_point, 0.5)
-    expected = (small.project(point, pose) + 0.5 - center) * 1.5 + center * 1.5 - 0.5
-    assert large.image_size == (2400, 1800)
-    assert_allclose(large.project(point, pose), expected, atol=1e-9)
-
-
-def test_growth_is_the_exponent():
-    sizes = np.array([0.5, 2.0, 8.0])
-    table = pd.DataFrame({"megapixels": sizes, "method": peers.OURS, "ms": 7 * sizes**1.3})
-    assert_allclose(bench.growth(table), 1.3)
+from pegpose_lab import bench, environment, peers
 
 
 # ---- report ----
@@ -333,12 +30,16 @@ def _report(**changes):
     sizes = pd.DataFrame({"megapixels": [0.5, 20.0], "method": peers.OURS, "ms": [1.0, 40.0]})
     joint = pd.DataFrame({"views": [13, 200], "ms": [20.0, 300.0], "opencv_ms": 10.0, "ratio": 3.0})
     joint["rms_difference"] = 0.0
-    return bench.Report(circles, methods, sizes, joint, bench.judge(circles, methods, sizes, joint))
+    genetic = pd.DataFrame({"view": ["paper's view", "left01", "left02"], "ms": 50.0, "de_ms": 25.0, "ratio": [2.0, 1.0, 3.0]})
+    genetic = genetic.assign(reached=100.0, de_reached=[100.0, 100.0, 90.0])
+    tables = circles, methods, sizes, joint, genetic
+    rivals = pd.DataFrame({"method": ["linear only", "GA"], "evaluations": [np.nan, 6060.0], "ms": [1.0, 50.0]})
+    return bench.Report(*tables, rivals, bench.judge(*tables))
 
 
 def test_targets_are_met_at_their_limits():
     assert (_report().targets["met"] == "yes").all()
-    assert len(_report().targets) == 4 * 8 + 5
+    assert len(_report().targets) == 4 * 8 + 7
 
 
 @pytest.mark.parametrize(
@@ -366,23 +67,21 @@ def test_a_missed_target_is_said(change, failing):
     assert targets.loc[targets["met"] == "no", "scene"].tolist() == failing
 
 
-def test_memory_and_growth_are_judged():
+def _judged(report, **changes):
+    """Whether the aims that are no scene's are met: worst noise, memory, growth, joint's two, genetic's two."""
+    report = replace(report, **changes)
+    names = ("circles", "methods", "sizes", "joint", "genetic")
+    return bench.judge(*(getattr(report, name) for name in names))["met"].tolist()[-7:]
+
+
+def test_what_belongs_to_no_scene_is_judged():
     report = _report()
-    methods = report.methods.assign(memory_mb=[101.0, np.nan])
-    sizes = report.sizes.assign(ms=[1.0, 60.0])
-    assert bench.judge(report.circles, methods, sizes, report.joint)["met"].tolist()[-4:] == ["no", "no", "yes", "yes"]
-    unknown = bench.judge(report.circles, methods.assign(memory_mb=np.nan), sizes, report.joint)
-    assert unknown["met"].tolist()[-4] == "not measured"
-    slow = report.joint.assign(ms=[1.0, 1000.0], ratio=3.1)
-    assert bench.judge(report.circles, methods, report.sizes, slow)["met"].tolist()[-2:] == ["no", "no"]
-
-
-def test_joint_calibration_is_measured_beside_opencv():
-    """Same corners and unknowns: the same rms, but for OpenCV's single precision."""
-    table = bench.measure_joint((3, 5), repeats=1)
-    assert table["views"].tolist() == [3, 5] and (table[["ms", "opencv_ms"]] > 0).all(axis=None)
-    assert_allclose(table["ratio"], table["ms"] / table["opencv_ms"])
-    assert table["rms_difference"].abs().max() < 1e-4
+    assert _judged(report) == ["yes"] * 7
+    assert _judged(report, methods=report.methods.assign(memory_mb=[101.0, np.nan]))[1] == "no"
+    assert _judged(report, methods=report.methods.assign(memory_mb=np.nan))[1] == "not measured"
+    assert _judged(report, sizes=report.sizes.assign(ms=[1.0, 60.0]))[2] == "no"
+    assert _judged(report, joint=report.joint.assign(ms=[1.0, 1000.0], ratio=3.1))[3:5] == ["no", "no"]
+    assert _judged(report, genetic=report.genetic.assign(ratio=[1.0, 3.1, 1.0], reached=[100.0, 100.0, 90.0]))[5:] == ["no", "no"]
 
 
 def test_report_is_written_whole_and_read_back(tmp_path):
@@ -391,9 +90,10 @@ def test_report_is_written_whole_and_read_back(tmp_path):
     bench.write(report, tmp_path / "results", readme)
     text = readme.read_text()
     assert text.startswith("above\n<!-- bench:begin -->\n") and text.endswith("<!-- bench:end -->\nbelow\n")
+    assert "| 2 photographs | 50 | 25 | 2 | 100 | 90 |" in text and "| linear only |  | 1 |" in text
     assert "before the run" not in text and "EdgeDrawing: not measured, not installed." in text and "1.05" in text
     assert bench.readme_is_current(readme, tmp_path / "results")
-    tables = ("circles", "methods", "sizes", "joint", "targets")
+    tables = ("circles", "methods", "sizes", "joint", "genetic", "rivals", "targets")
     names = {f"bench_{name}.{kind}" for name in tables for kind in ("csv", "tex")}
     assert {path.name for path in (tmp_path / "results").iterdir()} == names
     pd.testing.assert_frame_equal(bench.load(tmp_path / "results").circles, report.circles)
@@ -403,7 +103,7 @@ def test_report_is_written_whole_and_read_back(tmp_path):
 
 def test_report_as_text_counts_the_aims():
     text = bench.to_text(_report())
-    assert text.endswith("37 of 37 aims met.")
+    assert text.endswith("39 of 39 aims met.")
     assert json.loads(text.splitlines()[0])["opencv"] == bench.cv2.__version__
 
 
@@ -485,4 +185,4 @@ def test_no_module_but_the_benchmark_knows_the_peers():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.ImportFrom) and "peers" in [alias.name for alias in node.names]
     }
-    assert users == {"bench"}
+    assert users == {"bench", "bench_circles"}

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from pegpose_lab import experiment
-from pegpose_lab.experiment import METHODS, PARAMETERS, monte_carlo, paper_camera, trial_poses
+from pegpose_lab.experiment import METHODS, PARAMETERS, load_rendered_trials, monte_carlo, paper_camera, trial_poses
 from pegpose_lab.targets import Checkerboard
 
 SMALL = {"noises": (0.05, 0.2), "tilts": (20.0, 30.0), "views": (3,), "trials": 2, "progress": False}
@@ -15,7 +15,7 @@ SMALL = {"noises": (0.05, 0.2), "tilts": (20.0, 30.0), "views": (3,), "trials": 
 def test_a_row_for_each_trial_in_order():
     table = monte_carlo(**SMALL, methods=METHODS)
     assert len(table) == 2 * 2 * 4 * 2 and (table["status"] == "").all()
-    keys = table[["seed", "noise", "tilt", "views", "method", "trial"]]
+    keys = table[["seed", "corners", "noise", "tilt", "views", "method", "trial"]]
     pd.testing.assert_frame_equal(keys, keys.sort_values(list(keys)).reset_index(drop=True))
     assert table["focal_length_sigma"].notna().tolist() == table["method"].isin(["zhang", "joint"]).tolist()
 
@@ -66,11 +66,31 @@ def test_the_noise_floor_and_the_intervals():
         assert inside.mean() == pytest.approx(0.95, abs=3.3 * np.sqrt(0.95 * 0.05 / 150))
 
 
+def test_rendered_trials_leave_the_noise_of_their_corners():
+    """The file's trials: rms over sigma sqrt(2 (1 - p / 2n)), sigma being the corners' true error."""
+    table = load_rendered_trials()
+    assert len(table) == 200 and (table["corners"] == "rendered").all() and (table["status"] == "").all()
+    floor = table["rms"] / table["expected_rms"]
+    assert floor.mean() == pytest.approx(1, abs=0.03) and floor.std() < 0.03
+    assert table["corner_sigma"].between(0.001, 0.01).all()
+
+
+def test_rendered_trials_are_current():
+    again = monte_carlo(**(experiment.RENDERED | {"trials": 1}), progress=False)
+    pd.testing.assert_frame_equal(again, load_rendered_trials()[:1], rtol=1e-5)
+
+
+def test_a_board_that_is_not_found_is_a_row_with_its_reason(monkeypatch):
+    monkeypatch.setattr(experiment, "render_board", lambda *_, **__: np.full((1200, 1600), 90, np.uint8))
+    table = monte_carlo(corners="rendered", noises=(2.0,), views=(3,), trials=1, progress=False)
+    assert table["status"][0] != "" and table["rms"].isna().all()
+
+
 @pytest.mark.parametrize(
     "options, named",
     [
         ({"noises": (-1,)}, "noises"), ({"tilts": (80,)}, "tilts"), ({"views": (0,)}, "views"),
-        ({"methods": ("magic",)}, "methods"), ({"trials": 0}, "trials"),
+        ({"methods": ("magic",)}, "methods"), ({"trials": 0}, "trials"), ({"corners": "drawn"}, "corners"),
     ],
 )
 def test_unusable_options_are_named(options, named):

@@ -1,0 +1,104 @@
+"""Calibration for the benchmark: the joint one beside OpenCV's, the genetic algorithm beside differential evolution."""
+
+import time
+
+import cv2
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from . import experiment, rivals
+from .bench_circles import one_thread
+from .joint import calibrate_joint
+from .targets import Checkerboard
+from .two_stage import optimum_in_box
+
+SEED = 20
+
+
+def measure_joint(views, *, repeats=3):
+    """Time of `calibrate_joint` and of `cv2.calibrateCamera` with the same unknowns: f_x, f_y, c_x, c_y, k1, poses.
+
+    Parameters
+    ----------
+    views : sequence of int
+        Numbers of views; each shows 48 simulated corners of a board tilted by 30 degrees, with 0.1 px of noise.
+    repeats : int
+
+    Returns
+    -------
+    DataFrame
+        views, ms, opencv_ms (medians), ratio, rms_difference: ours less OpenCV's, px.
+    """
+    rows, camera = [], experiment.paper_camera()
+    board = Checkerboard(8, 6, 29.0)
+    flags = cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
+    with one_thread():
+        for number in tqdm(views, unit="set", desc="joint ", disable=None):
+            rng = np.random.default_rng([SEED, number])
+            poses = experiment.trial_poses(board, 30.0, number, rng)
+            images = [camera.project(board.object_points, pose) + 0.1 * rng.standard_normal((48, 2)) for pose in poses]
+            points, times, opencv_times = [board.object_points] * number, [], []
+            single = [[array.astype(np.float32) for array in arrays] for arrays in (points, images)]
+            for _ in range(repeats + 1):
+                start = time.process_time()
+                found = calibrate_joint(points, images, camera, focal="two", coefficients=("k1",))
+                times.append(time.process_time() - start)
+                start = time.process_time()
+                rms = cv2.calibrateCamera(*single, camera.image_size, None, None, flags=flags)[0]
+                opencv_times.append(time.process_time() - start)
+            ours, theirs = 1e3 * np.median(times[1:]), 1e3 * np.median(opencv_times[1:])
+            rows.append((number, ours, theirs, ours / theirs, found.rms - rms))
+    return pd.DataFrame(rows, columns=["views", "ms", "opencv_ms", "ratio", "rms_difference"])
+
+
+def measure_genetic(sets=None, *, seeds=10):
+    """The genetic algorithm beside `scipy.optimize.differential_evolution`: same view, box and objective.
+
+    Parameters
+    ----------
+    sets : list, optional
+        Views as `rivals.trial_sets` returns, which is the default.
+    seeds : int
+        Seeds 0, 1, ... of both.
+
+    Returns
+    -------
+    DataFrame
+        A row a view: ms and de_ms, processor time of both (medians over the seeds, stage 1 included), their ratio (median
+        of the ratios of the same seed); reached and de_reached, the seeds that end within `rivals.REACHED` of the
+        optimum of the box, %.
+    """
+    rows = []
+    for name, *view in tqdm(rivals.trial_sets() if sets is None else sets, unit="view", desc="genetic", disable=None):
+        optimum = optimum_in_box(*view).mean_distance
+        times, reached = np.empty((2, seeds, 2))
+        for seed in range(seeds):
+            for k, method in enumerate((rivals.GENETIC, rivals.DIFFERENTIAL_EVOLUTION)):
+                start = time.process_time()
+                found, _ = rivals.search(method, *view, seed)
+                times[seed, k] = time.process_time() - start
+                reached[seed, k] = found.mean_distance <= optimum + rivals.REACHED
+        ratio = np.median(times[:, 0] / times[:, 1])
+        rows.append((name, *1e3 * np.median(times, axis=0), ratio, *100 * reached.mean(axis=0)))
+    return pd.DataFrame(rows, columns=["view", "ms", "de_ms", "ratio", "reached", "de_reached"])
+
+
+def measure_rivals(*, repeats=3):
+    """What every method of `rivals.compare` costs on the photographs' corners.
+
+    Parameters
+    ----------
+    repeats : int
+        Seeds of the methods that draw.
+
+    Returns
+    -------
+    DataFrame
+        method, evaluations of the objective (NaN where there is no such thing), ms of processor time (medians).
+    """
+    photographs = [view for name, *view in rivals.trial_sets() if name.startswith("left")]
+    object_points, image_points, cameras = zip(*photographs, strict=True)
+    tables = [rivals.compare(object_points, image_points, cameras[0], rng=seed) for seed in range(repeats)]
+    middle = pd.concat(tables).groupby("method", sort=False)[["evaluations", "ms"]].median()
+    return middle.reset_index()
