@@ -4,7 +4,7 @@ The printed numbers come from `paper`, ours from the values that notebooks saved
 rule that joins them from data/paper/claims.csv: a row holds for each id that matches its pattern.  Rules:
 
 =========  =======================================================================================
-input      the number was adopted, so nothing can be said of it: always "not determined"
+input      the number was adopted, so nothing can be said of it: the verdict is "input"
 within     |ours - paper| <= tolerance
 at most    ours <= paper
 mean       as within; the tolerance is the 95 % interval of a mean of that many frames (Table 3's sd)
@@ -30,7 +30,7 @@ from scipy import stats
 
 from . import paper, results
 
-VERDICTS = ("reproduced", "contradicted", "not determined")
+VERDICTS = ("reproduced", "contradicted", "not determined", "input")
 NOT_COMPUTED = "not computed: run the notebooks"
 COLUMNS = ["id", "where", "quantity", "paper", "ours", "difference", "tolerance", "unit", "verdict", "reason"]
 
@@ -128,7 +128,7 @@ def _tolerance(identifier, rule):
 def _judge(identifier, rule, printed, ours, tolerance, values):
     """Verdict and reason of one number."""
     if rule["rule"] == "input":
-        return "not determined", rule["reason"]
+        return "input", rule["reason"]
     if np.isnan(ours):
         return "not determined", NOT_COMPUTED
     difference = ours - printed if rule["rule"] == "at most" else abs(ours - printed)
@@ -164,6 +164,8 @@ def _as_text(table):
     for column in ("paper", "ours", "difference", "tolerance"):
         digits = 6 if column in ("paper", "ours") else 3
         text[column] = ["" if np.isnan(value) else f"{value:.{digits}g}" for value in table[column]]
+    at_most = [_rule(identifier)["rule"] == "at most" for identifier in table["id"]]
+    text.loc[at_most, "tolerance"] = "at most"
     return text
 
 
@@ -180,8 +182,11 @@ def write_claims(results_folder):
 
 def summary(table):
     """Return one sentence that counts the verdicts."""
-    counts = [f"{(table['verdict'] == verdict).sum()} {verdict}" for verdict in VERDICTS]
-    return f"{len(table)} printed numbers: {', '.join(counts)} by what is printed."
+    reproduced, contradicted, open_, inputs = ((table["verdict"] == verdict).sum() for verdict in VERDICTS)
+    return (
+        f"{len(table)} printed numbers: {inputs} are inputs; of the other {len(table) - inputs}, {reproduced} reproduced, "
+        f"{contradicted} contradicted, {open_} not determined by what is printed."
+    )
 
 
 def format_table(table):
@@ -208,8 +213,8 @@ def _terminal_line(quantity, printed, ours, unit, verdict, reason):
 
 
 def _markdown(table):
-    """The block that stands between the markers of a README."""
-    text = _as_text(table).drop(columns="id").astype(str)
+    """The block that stands between the markers of a README: all but the inputs."""
+    text = _as_text(table[table["verdict"] != "input"]).drop(columns="id").astype(str)
     rows = results.markdown([text.columns, *text.to_numpy()], "lllrrrrll")
     return f"{summary(table)}\n\n{rows}"
 

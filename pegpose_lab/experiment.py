@@ -6,6 +6,7 @@ on the sensor.  What is not printed (the other four boards, how far the hub turn
 height, grey values, blur and noise) is chosen here, once, and stated.
 """
 
+import time
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import product
@@ -155,7 +156,7 @@ CORNERS = ("simulated", "rendered")
 """Where `monte_carlo` takes its corners from."""
 
 PARAMETERS = ("focal_length", "c_x", "c_y", "kappa1")
-BATCH = 100  # trials between two writes of the file
+SAVED_EVERY = 10.0  # s, between two writes of the file
 BOARD_DEPTH = 310.0  # mm, of the board's middle: all corners of a board tilted by up to 45 degrees are in the picture
 BOARD_SHIFT = 25.0  # mm, largest in x and y
 
@@ -203,7 +204,8 @@ def monte_carlo(
     workers : int, optional
         Processes; None leaves it to joblib's context, which is one process without a context.
     path : path, optional
-        CSV file to which finished trials are written in batches; those that it has already are not run again.
+        CSV file to which finished trials are written every few seconds and at the end, also of an interrupted run;
+        those that it has already are not run again.
     progress : bool
         Show a progress bar.
 
@@ -229,15 +231,16 @@ def monte_carlo(
     done = _finished(path)
     known = set(done[_KEY].itertuples(index=False, name=None))
     tasks = [key for key in wanted if key not in known]
-    with Parallel(n_jobs=workers) as parallel, tqdm(total=len(tasks), unit="trial", disable=not progress) as bar:
-        for first in range(0, len(tasks), BATCH):
-            batch = tasks[first : first + BATCH]
-            rows = parallel(delayed(run_trial)(*key) for key in batch)
-            done = pd.concat([done, pd.DataFrame(rows, columns=_COLUMNS)]) if len(done) else _as_table(rows)
-            if path is not None:
-                with replacing(path) as temporary:
-                    done.to_csv(temporary, index=False, float_format="%.17g", lineterminator="\n")
-            bar.update(len(batch))
+    run = Parallel(n_jobs=workers, return_as="generator")(delayed(run_trial)(*key) for key in tasks)
+    rows, saved = [], time.monotonic()
+    try:
+        for row in tqdm(run, total=len(tasks), unit="trial", disable=not progress):
+            rows.append(row)
+            if time.monotonic() - saved > SAVED_EVERY:
+                _save(path, done, rows)
+                saved = time.monotonic()
+    finally:
+        done = _save(path, done, rows)
     return done.set_index(_KEY).loc[sorted(wanted)].reset_index()
 
 
@@ -331,6 +334,17 @@ def _finished(path):
     if list(table.columns) != _COLUMNS:
         raise ValueError(f"path {path} has columns {', '.join(table.columns)}; expected {', '.join(_COLUMNS)}")
     return table.astype({"noise": float, "tilt": float}).fillna({"status": ""})
+
+
+def _save(path, done, rows):
+    """All trials so far, in a table and, if there are new ones, in the file."""
+    if not rows:
+        return done
+    table = pd.concat([done, _as_table(rows)]) if len(done) else _as_table(rows)
+    if path is not None:
+        with replacing(path) as temporary:
+            table.to_csv(temporary, index=False, float_format="%.17g", lineterminator="\n")
+    return table
 
 
 def write_rendered_trials(path=RENDERED_FILE, *, workers=2):

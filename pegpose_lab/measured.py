@@ -36,7 +36,7 @@ SEARCHES = (  # data set, its pictures, radius range (px), polarity; all else is
 )
 MISSED_FILE = "missed_circles.csv"
 RIM, RIM_STEP = np.arange(2.0, 6.0), 10.0  # px on either side of a rim, and the step (grey values) that counts as one
-SENSITIVITY_FILE, WINDOWS = "opencv_left_detectors.csv", (5, 11)  # px, half widths
+SENSITIVITY_FILE, WINDOWS = "opencv_left_detectors.csv", (5, 11)  # px, half widths as cv2.cornerSubPix takes them
 GRID_FILE = "visp_circles_centers.csv"
 GRID_PITCH, GRID_SIZE = 34.0, (320, 240)  # mm, px
 GRID_RADIUS = GRID_PITCH / 3  # mm, of a disc
@@ -75,7 +75,7 @@ def _read(path):
 def measure_sensitivity():
     """The joint calibration of opencv_left by three detectors, see `validation.sensitivity`.
 
-    This project's `find_corners`, and `cv2.cornerSubPix` from there with half windows of 5 and 11 px.
+    This project's `find_corners`, and `cv2.cornerSubPix` from there with windows of 11 and 23 px.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def measure_sensitivity():
     _, object_points, corners = measure_corners()
     images, stop = {"find_corners": corners}, (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
     for half in WINDOWS:
-        images[f"cornerSubPix, {half} px"] = [
+        images[f"cornerSubPix, {2 * half + 1} px"] = [
             cv2.cornerSubPix(_read(path), seen.astype(np.float32), (half, half), (-1, -1), stop).reshape(-1, 2)
             for path, seen in zip(paths, corners, strict=True)
         ]

@@ -51,18 +51,16 @@ def test_table_without_values():
     table = claims.claims_table({})
     assert table.columns.tolist() == claims.COLUMNS
     assert len(table) == len(paper.printed_numbers()) >= 60
-    assert (table["verdict"] == "not determined").all()
+    inputs = table["verdict"] == "input"
     assert table["ours"].isna().all() and table["difference"].isna().all()
-    inputs = table["reason"].str.startswith("an input: ")
+    assert (table.loc[~inputs, "verdict"] == "not determined").all()
     assert (table.loc[~inputs, "reason"] == claims.NOT_COMPUTED).all()
     assert inputs.sum() == 22
 
 
 def test_table_that_agrees_with_the_paper():
     table = claims.claims_table(as_printed()).set_index("id")
-    inputs = table["reason"].str.startswith("an input: ")
-    assert (table.loc[inputs, "verdict"] == "not determined").all()
-    assert (table.loc[~inputs, "verdict"] == "reproduced").all()
+    assert set(table["verdict"]) == {"input", "reproduced"} and (table["verdict"] == "input").sum() == 22
     assert (table["difference"] == 0).all()
     assert not table["reason"].str.contains(claims.NOT_COMPUTED).any()
 
@@ -70,7 +68,7 @@ def test_table_that_agrees_with_the_paper():
 def test_an_input_is_never_reproduced():
     for identifier in ("setup.width", "alpha", "bounds", "T2.x1", "T1-linear.kappa1"):
         for value in (paper.printed(identifier), paper.printed(identifier) + 1):
-            assert row({identifier: value}, identifier)["verdict"] == "not determined"
+            assert row({identifier: value}, identifier)["verdict"] == "input"
 
 
 TOLERANCES = {
@@ -220,7 +218,8 @@ def test_terminal_table_fits_and_holds_everything(offset):
     words = " ".join(text.split())
     for quantity in table["quantity"]:
         assert quantity in words
-    assert sum(words.count(verdict) for verdict in claims.VERDICTS) == len(table) + 3
+    rows = words.removesuffix(claims.summary(table))
+    assert sum(rows.count(f" {verdict} ") for verdict in claims.VERDICTS) == len(table)
     assert text.endswith(claims.summary(table))
     assert "nan" not in words
 
@@ -228,8 +227,8 @@ def test_terminal_table_fits_and_holds_everything(offset):
 def test_summary_counts_every_row():
     counts = claims.claims_table(as_printed())["verdict"].value_counts()
     assert claims.summary(claims.claims_table(as_printed())) == (
-        f"62 printed numbers: {counts['reproduced']} reproduced, 0 contradicted, "
-        f"{counts['not determined']} not determined by what is printed."
+        f"62 printed numbers: 22 are inputs; of the other 40, {counts['reproduced']} reproduced, 0 contradicted, "
+        f"{counts.get('not determined', 0)} not determined by what is printed."
     )
 
 
@@ -250,7 +249,7 @@ def test_readme_is_updated_between_its_markers(readme):
     assert text.startswith("# Title\n\n<!-- claims:begin -->\n62 printed numbers") and "outdated" not in text
     assert text.endswith("<!-- claims:end -->\n\nµ after\n")
     rows = [line for line in text.splitlines() if line.startswith("|")]
-    assert len(rows) == len(table) + 2
+    assert len(rows) == (table["verdict"] != "input").sum() + 2
     assert {line.count(" | ") for line in rows} == {8}
     assert "| Table 1, stage 2 | focal length f | 47.95 | 47.95 | 0 | 0.24 | mm | reproduced |" in text
 

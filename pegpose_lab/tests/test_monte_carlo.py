@@ -50,6 +50,22 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     assert len(calls) == 4 + 8 and len(pd.read_csv(path)) == 8
 
 
+def test_what_was_finished_before_an_interrupt_is_kept(tmp_path, monkeypatch):
+    path, run = tmp_path / "trials.csv", experiment.run_trial
+
+    def interrupted(*key):
+        if key[1:] == ("simulated", 0.2, 20.0, 3, "joint", 1):
+            raise KeyboardInterrupt
+        return run(*key)
+
+    monkeypatch.setattr(experiment, "run_trial", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        monte_carlo(**SMALL, path=path)
+    assert 0 < len(pd.read_csv(path)) < 8
+    monkeypatch.undo()
+    pd.testing.assert_frame_equal(monte_carlo(**SMALL, path=path), monte_carlo(**SMALL), rtol=1e-12)
+
+
 def test_what_is_refused_is_a_row_with_its_reason():
     table = monte_carlo(noises=(0.2,), tilts=(0.0,), views=(3,), trials=2, progress=False)
     assert table["status"].str.contains("straight ahead").all() and table["focal_length"].isna().all()
