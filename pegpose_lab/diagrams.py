@@ -12,10 +12,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from .camera import TsaiCamera
 from .checks import as_number
-from .plotting import COLORS
+from .plotting import COLORS, SERIES
 from .targets import Hub
 
-AXIS_COLORS = (COLORS["genetic"], COLORS["joint"], COLORS["zhang"])  # x, y, z of every frame
+AXIS_COLORS = (SERIES[1], SERIES[2], SERIES[0])  # x, y, z of every frame: red, green, blue
+MARKED = SERIES[5]  # what a drawing is about: the pose sought in Fig. 1, peg 1 in Fig. 5
 INK = COLORS["paper"]
 BODY, SHADE, EDGE = "0.93", "0.80", "0.45"  # greys of solid bodies: lit faces, shaded faces, outlines
 SMALL = 8.0  # pt
@@ -75,7 +76,7 @@ def draw_assembly(ax):
     _draw_robot(view, poses["E"])
     for name, pose in poses.items():
         names = ("$x$", "$y$", "$z$") if name == "R" else None
-        view.triad(pose, 11.0, zorder=30, names=names, offsets=((5, 0), (6, 4), (0, 6)))
+        view.triad(pose, 11.0, zorder=30, names=names, offsets=((5, 0), (-9, 0), (0, 6)))
     origins = {name: view.at(pose.translation) for name, pose in poses.items()}
     for letter, title, offset in (
         ("R", "robot base", (80, -12)), ("E", "end-effector\nwith the wheel", (-58, 38)),
@@ -101,8 +102,8 @@ def draw_overview(ax):
     width, height, gap, left, right = 3.2, 0.66, 0.24, 0.0, 3.7
     tops = -np.arange(len(FRAME_STEPS)) * (height + gap)
     columns = (
-        (left, "Once: calibration", CALIBRATION_STEPS, COLORS["zhang"]),
-        (right, "Each frame: pose estimation", FRAME_STEPS, COLORS["genetic"]),
+        (left, "Once: calibration", CALIBRATION_STEPS, SERIES[0]),
+        (right, "Each frame: pose estimation", FRAME_STEPS, MARKED),
     )
     for x, heading, steps, color in columns:
         ax.text(x, 0.12, heading, color=color, weight="bold", fontsize=10, va="bottom")
@@ -148,8 +149,9 @@ def draw_camera_model(ax):
 def draw_orientation(ax, hub, theta):
     r"""Fig. 5: theta, the angle from the horizontal (line 2) to the line from the hub's centre to peg 1 (line 1).
 
-    Drawn as the screen shows it, y down, so that theta grows clockwise, from x towards y, and the pegs
-    are numbered clockwise.  Eq. 11's tangent is the same for theta and theta + pi; the project uses
+    Drawn as the screen shows it, y down, so that theta counts positive clockwise, from x towards y, and the
+    pegs are numbered clockwise; the arc's arrow runs the way of theta's sign.  Eq. 11's tangent is the same
+    for theta and theta + pi; the project uses
     :math:`\theta = \operatorname{atan2}(y_1 - y_0, x_1 - x_0)`.  Made for 5.0 x 4.9 inches.
 
     Parameters
@@ -174,16 +176,17 @@ def draw_orientation(ax, hub, theta):
     pegs, screws = (turn.apply(points)[:, :2] for points in (hub.peg_centers, hub.screw_centers))
     reach = 1.28 * hub.radius
     _draw_hub_face(ax, hub, pegs, screws)
-    line1, = ax.plot(*np.array([(0, 0), pegs[0]]).T, color=COLORS["genetic"], linewidth=2.0, zorder=5)
-    line2, = ax.plot([0, reach], [0, 0], color=COLORS["zhang"], linewidth=2.0, linestyle=(0, (5, 2)), zorder=4)
+    line1, = ax.plot(*np.array([(0, 0), pegs[0]]).T, color=MARKED, linewidth=2.0, zorder=5)
+    line2, = ax.plot([0, reach], [0, 0], color=SERIES[0], linewidth=2.0, linestyle=(0, (5, 2)), zorder=4)
     ax.plot(*np.array([(0, 0), pegs[0]]).T, "o", color=INK, markersize=4, zorder=6)
     _draw_theta(ax, theta, _arc_radius(hub))
     _label_orientation(ax, hub, pegs, screws, theta, reach)
     _draw_screen_axes(ax, hub)
+    way = "clockwise" if theta >= 0 else "anticlockwise"
     _bare(
         ax, (-1.35 * hub.radius, 1.75 * hub.radius), (1.42 * hub.radius, -1.2 * hub.radius),
-        "As on the screen, $y$ down: $\\theta$ grows clockwise, from $x$ towards $y$.\n"
-        "Pegs are numbered in the direction of growing $\\theta$.",
+        "As on the screen, $y$ down: $\\theta$ counts positive clockwise, from $x$ towards $y$.\n"
+        f"Drawn: $\\theta = {np.rad2deg(theta):.1f}$°, {way}. Pegs are numbered clockwise.",
     )
     return line1, line2
 
@@ -292,7 +295,7 @@ _HUB_CENTER = np.array([104.0, 0.0, 26.0])
 _SHAFT_END = np.array([104.0, 0.0, 4.0])
 _WHEEL_CENTER = np.array([58.0, 0.0, 56.0])
 _CAMERA_CENTER = np.array([114.0, 0.0, 96.0])
-_ARROW_SHAPES = ((0.26, 0.22), (-0.14, 0.5), (0.16, 0.30), (0.12, 0.5), (-0.14, 0.5))  # bend, place of the names
+_ARROW_SHAPES = ((0.18, 0.24), (-0.14, 0.5), (0.17, 0.27), (0.12, 0.5), (-0.14, 0.5))  # bend, place of the names
 _ENLARGED = 0.24  # cm per mm: the hub is drawn 2.4 times its size beside the robot
 
 
@@ -362,7 +365,7 @@ def _draw_robot(view, world_from_effector):
 
 def _transform_arrow(ax, start, end, places, bend, share):
     """An arrow from frame to frame, its names at `share` of its way; the sought one in colour."""
-    color = COLORS["genetic"] if (start, end) == ("C", "P") else INK
+    color = MARKED if (start, end) == ("C", "P") else INK
     first, last = places[start], places[end]
     _arrow(ax, first, last, connectionstyle=f"arc3,rad={bend}", shrinkA=5, shrinkB=5, color=color, zorder=25)
     dx, dy = last - first
@@ -443,13 +446,13 @@ def _draw_ray(view, camera, point, undistorted, distorted):
     """P, its straight ray, and where the lens shows it instead."""
     f = camera.focal_length
     seen, shown = _lift([undistorted, distorted], f)
-    view.line([(0, 0, 0), seen, point], color=COLORS["genetic"], zorder=6)
+    view.line([(0, 0, 0), seen, point], color=MARKED, zorder=6)
     view.line([(0, 0, f), seen], color=INK, linewidth=0.8, linestyle=":", zorder=6)
-    for place, color in ((point, INK), (seen, COLORS["zhang"]), (shown, COLORS["genetic"])):
+    for place, color in ((point, INK), (seen, SERIES[0]), (shown, MARKED)):
         view.ax.plot(*view.at(place), "o", color=color, markersize=5, zorder=12)
     view.label(point, "$P\\,(x_w, y_w, z_w)$", (0, 10))
-    view.label(seen, "$(x_u, y_u)$", (-25, 3), color=COLORS["zhang"])
-    view.label(shown, "$(x_d, y_d)$", (24, -9), color=COLORS["genetic"], bbox=_HALO)
+    view.label(seen, "$(x_u, y_u)$", (-25, 3), color=SERIES[0])
+    view.label(shown, "$(x_d, y_d)$", (24, -9), color=MARKED, bbox=_HALO)
 
 
 def _lift(points, z):
@@ -473,7 +476,7 @@ def _draw_hub_face(ax, hub, pegs, screws):
     for center in screws:
         disc(center, hub.screw_radius, SHADE)
     for index, center in enumerate(pegs):
-        disc(center, hub.peg_radius, "white", edgecolor=COLORS["genetic"] if index == 0 else INK, linewidth=1.5)
+        disc(center, hub.peg_radius, "white", edgecolor=MARKED if index == 0 else INK, linewidth=1.5)
 
 
 def _draw_theta(ax, theta, radius):
@@ -489,7 +492,7 @@ def _label_orientation(ax, hub, pegs, screws, theta, reach):
     pitch_radius = hub.pitch_circle_diameter / 2
     for number, center in enumerate(pegs, 1):
         ax.text(*center * (1.13 * hub.radius / pitch_radius), f"peg {number}", **_CENTERED, fontsize=9.5,
-                color=COLORS["genetic"] if number == 1 else INK)
+                color=MARKED if number == 1 else INK)
     for number, center in enumerate(screws, 1):
         place = center / np.hypot(*center) * (pitch_radius + hub.radius) / 2
         ax.text(*place, f"screw {number}", **_CENTERED, fontsize=SMALL)
@@ -497,8 +500,8 @@ def _label_orientation(ax, hub, pegs, screws, theta, reach):
     away = (1.0 if theta >= 0 else -1.0) * np.array([-along[1], along[0]])  # the side of line 1 without the arc
     slope = (-np.rad2deg(theta) + 90) % 180 - 90
     ax.text(*(0.58 * pitch_radius * along + 4.5 * away), "line 1", rotation=slope, **_CENTERED,
-            fontsize=9, color=COLORS["genetic"])
-    ax.text(reach, 0, " line 2,\n horizontal", ha="left", va="center", fontsize=9, color=COLORS["zhang"])
+            fontsize=9, color=MARKED)
+    ax.text(reach, 0, " line 2,\n horizontal", ha="left", va="center", fontsize=9, color=SERIES[0])
     radius = _arc_radius(hub) + 5.0
     ax.text(radius * np.cos(theta / 2), radius * np.sin(theta / 2), "$\\theta$", **_CENTERED, fontsize=13)
 
