@@ -30,11 +30,12 @@ CHUNK = 500_000  # votes held in memory at a time
 
 @dataclass(frozen=True)
 class Circles:
-    """Circles, the best first: centers (n, 2) px, radii (n,) px, scores (n,)."""
+    """Circles, the best first: centers (n, 2) px, radii (n,) px, scores (n,); the polarity that was looked for."""
 
     centers: np.ndarray
     radii: np.ndarray
     scores: np.ndarray
+    polarity: str = ""
 
     def __len__(self):
         return len(self.radii)
@@ -647,7 +648,8 @@ def _as_circles(rows, shape, request, max_circles):
         near = [k for k in kept if _may_touch(places[i], places[k])]
         if not near or not _is_known(places[i], [places[k] for k in near], rows[i, 3], request):
             kept.append(i)
-    return Circles(centers[kept], radii[kept], rows[kept, 3])
+    polarity = "bright" if request.sign > 0 else "dark"
+    return Circles(centers[kept], radii[kept], rows[kept, 3], polarity)
 
 
 def _may_touch(first, second):
@@ -667,6 +669,7 @@ def _is_known(circle, others, score, request):
         return False
     along, across = circle[0] + circle[2] * _COS[:, None] - x, circle[1] + circle[2] * _SIN[:, None] - y
     shared = np.abs(np.hypot(along, across) - r) < np.maximum(2.0, BAND * smaller)
+    shared &= along * _COS[:, None] + across * _SIN[:, None] > 0  # where discs touch, each has the edge of its own
     return score - shared.any(axis=1).mean() < _least_score(request)
 
 

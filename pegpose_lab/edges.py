@@ -17,10 +17,11 @@ shape is a symmetric traceless matrix m (cos 2 angle, sin 2 angle; sin 2 angle, 
 with semi-axes r exp(+-m): unlike axes and angle it is regular for a perfect circle.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
 from .checks import as_image, as_number, as_points
@@ -31,6 +32,8 @@ GROUND_WIDTHS = 4.0  # edge widths s from the edge to where the ground begins: R
 GROUND_SIGMAS = 3.0  # departure from the ring's levels or noise, in standard deviations, that bars ground
 QUANTISATION = 1 / 12  # variance of rounding to whole grey values
 N_RAYS, RAY_POINTS = 64, 49
+REMAP_ROWS = 30_000  # cv2.remap takes up to 32767
+SAME = 1.0  # px, distance of centres and radii below which two fits are of one disc
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together: their arrays stay in the cache
 PART = 4  # every so-many-th pixel is enough for the first steps, if there are LEAST_PIXELS
 LEAST_PIXELS, LEAST_RING = 600, 30
@@ -46,6 +49,7 @@ OWN_WEIGHT = 0.3  # of such a sector
 OWN_VISIBLE = 0.6  # what it counts as visible edge
 ALONE, FREEZE = 2, 8  # steps in which all sectors have levels of their own; after which none changes sides
 LAST_STEP = 0.1  # squared length, in sigmas, of a refit's step after which none is needed
+UNEVEN = 0.1  # part of the contrast by which the common levels are expected to vary around the disc
 TOLERATED = 0.01  # part of the contrast by which any sector may depart from the model
 MIN_VISIBLE = 0.4  # least part of the edge that has to fit
 BLOCK = 3  # neighbouring sectors that err together
@@ -148,7 +152,8 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     image : (height, width) uint8
     circles : object with .centers (n, 2) and .radii (n,) in px
         Bright or dark discs, for example from `find_circles`; starting values are refined along rays,
-        so they may be off by some 20 % of the radius.
+        so they may be off by some 20 % of the radius.  With a .polarity, "bright" or "dark", only discs
+        of that kind are accepted; without it each is what its strongest edge says.
     max_chi2, max_misfit : float
         A fit is rejected when its chi2 exceeds `max_chi2` *and* the part of the residual that noise
         does not explain exceeds `max_misfit` of the contrast.  The second condition is there because in
@@ -160,7 +165,7 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
         A row for each circle.  Rows that are not accepted have a reason: "leaves the image",
         "radius too small", "no edge", "does not converge", "edge hidden" (less than 40 % of it fits;
         parts that need grey levels of their own count less),
-        "contrast below noise", "chi2".  All values
+        "contrast below noise", "other polarity", "chi2", "same disc" (as an earlier row's).  All values
         are finite, except for sigmas, covariance and chi2 (infinite) where there is no fit at all; centre
         and radius are then the circle's own.
 
@@ -173,14 +178,17 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     -----
     The noise that chi2 is judged by comes from the differences of neighbouring residuals in the ring, edges that
     the model does not describe left out; its variance is never below that of rounding, 1/12.  Their ratio tells
-    structure from noise to 1/sqrt(number of pixels): above 1 + 5/sqrt(n) the disc is fitted again by sectors
+    structure from noise to 1/sqrt(number of pixels): above 1 + 5/sqrt(n), or where the ground farther out is not
+    even, the disc is fitted again by sectors
     (see `_refit`), so that highlights, walls, swarf or hidden parts spoil their own sectors only.  The sigmas
-    are scaled by the residual of the fit itself.  For a circle the angle is undetermined; its sigma is then that
+    are scaled by the residual of the fit itself.  They hold for white noise and for levels that change slowly around the
+    disc: where the ground changes within some pixels of the edge (a narrow side wall), where values are
+    clipped at 0 or 255, or where the picture was smoothed, compressed or sharpened, errors are larger than stated.  For a circle the angle is undetermined; its sigma is then that
     of a uniform distribution over half a turn, pi/sqrt(12).
     """
     image = as_image(image)
     limits = as_number(max_chi2, "max_chi2", 0.0), as_number(max_misfit, "max_misfit", 0.0)
-    rows = _as_circles(circles)
+    rows, sign = _as_circles(circles), _SIGNS[getattr(circles, "polarity", "")]
     circles = _Ellipse(*rows.T.copy(), np.zeros(len(rows)), np.zeros(len(rows)))
     fits = [None] * len(rows)
     usable = (rows[:, 2] >= 2) & _inside(circles, image.shape)
@@ -188,13 +196,16 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
         fits[i] = _Fit(circles[i], "radius too small" if rows[i, 2] < 2 else "leaves the image")
     if len(rows) == 0:
         return _collect([])
-    starts, started = _start(image, circles)
+    starts, started = _start(image, circles, sign)
     for i in np.flatnonzero(usable & ~started):
         fits[i] = _Fit(circles[i], "no edge")
     for group in _groups(np.flatnonzero(usable & started), rows[:, 2]):
-        for i, fit in zip(group, _fit_group(image, circles[group], starts[group], *limits), strict=True):
+        for i, fit in zip(group, _fit_group(image, circles[group], starts[group], sign, *limits), strict=True):
             fits[i] = fit
-    return _collect(fits)
+    return _collect(_without_repetitions(fits))
+
+
+_SIGNS = {"bright": 1, "dark": -1, "": 0}
 
 
 def _as_circles(circles):
@@ -208,6 +219,16 @@ def _as_circles(circles):
             f"circles has {len(centers)} centers and {len(radii)} radii; expected one radius > 0 each"
         )
     return np.hstack([centers, radii])
+
+
+def _without_repetitions(fits):
+    """The fits, but of two accepted ones that are nowhere SAME px apart only the first is accepted."""
+    accepted = [i for i, fit in enumerate(fits) if not fit.reason]
+    places = [(fits[i].ellipse.x, fits[i].ellipse.y, fits[i].ellipse.r) for i in accepted]
+    for first, second in sorted(cKDTree(places).query_pairs(SAME)) if places else ():
+        if not fits[accepted[first]].reason:
+            fits[accepted[second]] = replace(fits[accepted[second]], reason="same disc")
+    return fits
 
 
 @dataclass(frozen=True)
@@ -246,7 +267,7 @@ def _inside(ellipse, shape):
     )
 
 
-def _start(image, circles):
+def _start(image, circles, sign):
     """Ellipses through the strongest steps along rays from the centres, outliers weighed down, and which are good.
 
     The directed step is looked for within 25 % of the radius (at least 4 px).  To first order in the
@@ -257,13 +278,14 @@ def _start(image, circles):
     rho = low[:, None] + (circles.r + reach - low)[:, None] * np.linspace(0, 1, RAY_POINTS)
     x = (circles.x[:, None, None] + _RAYS[:, 1, None] * rho[:, None]).reshape(-1, RAY_POINTS)
     y = (circles.y[:, None, None] + _RAYS[:, 2, None] * rho[:, None]).reshape(-1, RAY_POINTS)
-    rays = cv2.remap(
-        image, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    places = [np.array_split(a.astype(np.float32), len(a) // REMAP_ROWS + 1) for a in (x, y)]
+    rays = np.concatenate(
+        [cv2.remap(image, *part, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for part in zip(*places, strict=True)]
     )
     steps = cv2.sepFilter2D(rays, cv2.CV_32F, _STEP, np.ones(1, np.float32), borderType=cv2.BORDER_REPLICATE)
     steps = steps.reshape(n, len(_RAYS), RAY_POINTS)
     profile = steps.mean(axis=1)
-    steps *= np.sign(np.take_along_axis(profile, np.abs(profile).argmax(axis=1)[:, None], axis=1))[:, None]
+    steps *= sign or np.sign(np.take_along_axis(profile, np.abs(profile).argmax(axis=1)[:, None], axis=1))[:, None]
     best = steps.argmax(axis=2)
     weights = np.maximum(np.take_along_axis(steps, best[:, :, None], axis=2)[:, :, 0], 0).astype(float)
     r, dx, dy, p, q = _robust_solve(_RAYS, np.take_along_axis(rho, best, axis=1), weights).T
@@ -566,20 +588,28 @@ def _use_ground(image, solution, rows):
     """Let the even ground beyond the rings of some discs improve their levels, and with these radius and s.
 
     Level, radius and s of a narrow ring are correlated.  Farther out Phi is 0 or 1, so that a side's pixels enter
-    the normal equations by their number, mean and variance alone; one more step then solves them.  A side whose
-    mean or variance departs by more than GROUND_SIGMAS from the ring's is not even and is left out.
+    the normal equations by their number, mean and variance alone; one more step then solves them.  A side is
+    not even if its mean or variance departs by more than GROUND_SIGMAS from the ring's, or its level changes across
+    the disc by more than that.  Returns the discs that have ground which is not even; they are left as they are.
     """
     rows = rows[GROUND_WIDTHS * np.exp(solution.log_s[rows]) <= RING]
     if len(rows) == 0:
-        return
+        return rows
     sides, noise = np.array([_ground(image, solution.ellipse[i]) for i in rows]), solution.noise[rows, None]
-    n, mean, variance = np.maximum(sides[..., 0], 1), sides[..., 1], sides[..., 2]
+    n, mean, variance, slopes = sides[..., 0], sides[..., 1], sides[..., 2], sides[..., 3:]
     known = np.linalg.inv(solution.normal[rows])[:, 6:, 6:]
     excess = mean - solution.levels[rows] @ _BY_LEVELS
+    there = n >= LEAST_RING
+    n = np.where(there, n, 1)
     bound = noise * np.sqrt(1 / n + np.einsum("is,nij,js->ns", _BY_LEVELS, known, _BY_LEVELS))
-    even = (n >= LEAST_RING) & (np.abs(excess) <= GROUND_SIGMAS * bound)
-    even &= np.abs(variance / noise**2 - 1) <= GROUND_SIGMAS * np.sqrt(2 / n)
-    n *= even
+    even = (np.abs(excess) <= GROUND_SIGMAS * bound) & (np.abs(slopes) <= GROUND_SIGMAS * noise[..., None]).all(axis=2)
+    of_differences = 3 / np.maximum(solution.count[rows, None], 1)  # relative variance of `_residual_noise` squared
+    even &= np.abs(variance / noise**2 - 1) <= GROUND_SIGMAS * np.sqrt(2 / n + of_differences)
+    usable = (even | ~there).all(axis=1)
+    uneven, rows = rows[~usable], rows[usable]
+    if len(rows) == 0:
+        return uneven
+    n, excess, variance = (array[usable] for array in (n * there, excess, variance))
     gradient = np.zeros((len(rows), 8))
     gradient[:, 6:] = (n * excess) @ _BY_LEVELS.T
     solution.normal[rows, 6:, 6:] += np.einsum("ns,is,js->nij", n, _BY_LEVELS, _BY_LEVELS)
@@ -587,13 +617,15 @@ def _use_ground(image, solution, rows):
     solution.count[rows] += n.sum(axis=1)
     step = np.linalg.solve(solution.normal[rows], gradient[:, :, None])[:, :, 0]
     solution.update(rows, _after_last_step(_rows(solution, rows), step, (step * gradient).sum(axis=1)))
+    return uneven
 
 
 _BY_LEVELS = np.array([[1.0, 1.0], [0.0, 1.0]])  # derivatives by B and A of the level outside and inside
 
 
 def _ground(image, ellipse):
-    """Number, mean and variance of the pixels RING to GROUND px outside the ellipse, and inside it."""
+    """Of the pixels RING to GROUND px outside the ellipse, and of those inside it: number, mean, variance, and how much
+    the level changes along x and y, in units in which noise alone has its own sigma."""
     width, height = (size + GROUND + 2 for size in ellipse.half_size)
     top, left = max(int(ellipse.y - height), 0), max(int(ellipse.x - width), 0)
     part = image[top : int(ellipse.y + height) + 2, left : int(ellipse.x + width) + 2]
@@ -603,12 +635,20 @@ def _ground(image, ellipse):
         axes = [round(16 * (axis + longer)) for axis in ellipse.axes]
         if min(axes) > 0:
             cv2.ellipse(mask, center, axes, np.degrees(ellipse.angle), 0, 360, value, cv2.FILLED, shift=4)
-    sides = []
-    for value in (1, 2):
-        side = (mask == value).view(np.uint8)
-        mean, deviation = cv2.meanStdDev(part, mask=side)
-        sides.append((cv2.countNonZero(side), mean.item(), deviation.item() ** 2))
-    return sides
+    offsets = np.arange(part.shape[1]) + left - ellipse.x, np.arange(part.shape[0]) + top - ellipse.y
+    return [_side(part, cv2.compare(mask, value, cv2.CMP_EQ), offsets) for value in (1, 2)]
+
+
+def _side(part, side, offsets):
+    """One side's numbers for `_ground`."""
+    n, slopes = cv2.countNonZero(side), []
+    mean, deviation = (float(value[0, 0]) for value in cv2.meanStdDev(part, mask=side))
+    for along, offset in enumerate(offsets):
+        values, number = (cv2.reduce(a, along, cv2.REDUCE_SUM, dtype=cv2.CV_32S).ravel() for a in (part & side, side))
+        moment = number @ offset / 255
+        spread = number @ offset**2 / 255 - moment**2 / max(n, 1)
+        slopes.append((values @ offset - mean * moment) / np.sqrt(max(spread, 1.0)))
+    return n, mean, deviation**2, *slopes
 
 
 def _residual_noise(residuals, count):
@@ -632,13 +672,13 @@ def _limited(step, ellipse):
     return step / np.maximum(np.maximum(*size), np.maximum(np.abs(step[..., 5]) / 0.7, 1.0))[..., None]
 
 
-def _fit_group(image, circles, starts, max_chi2, max_misfit):
+def _fit_group(image, circles, starts, sign, max_chi2, max_misfit):
     """Fit some discs: the simple model, a refit by sectors where it fails, and the judgement; a list of `_Fit`."""
     solution, reasons = _settle(image, starts)
     fitted, contrast, noise = reasons == "", solution.levels[:, 1], np.maximum(solution.noise, 1e-3)
     fails = _variance(solution) > (1 + REFIT_SIGMAS / np.sqrt(np.maximum(solution.count, 1))) * noise**2
     simple = fitted & solution.converged.astype(bool) & ~(fails & (np.abs(contrast) > noise))
-    _use_ground(image, solution, np.flatnonzero(simple & ~fails))
+    simple[_use_ground(image, solution, np.flatnonzero(simple & ~fails))] = False
     again = np.flatnonzero(fitted & ~simple)
     ellipse, contrast, s = solution.ellipse, solution.levels[:, 1], np.exp(solution.log_s)
     variance = _variance(solution)
@@ -654,6 +694,7 @@ def _fit_group(image, circles, starts, max_chi2, max_misfit):
         variance[again[done]], s[again[done]] = refit.variance[done], np.exp(refit.log_s[done])
     misfit = np.sqrt(np.maximum(variance - noise**2, 0))
     reasons[(reasons == "") & (np.abs(contrast) <= noise)] = "contrast below noise"
+    reasons[(reasons == "") & (contrast * sign < 0)] = "other polarity"
     reasons[(reasons == "") & (variance > max_chi2 * noise**2) & (misfit > max_misfit * np.abs(contrast))] = "chi2"
     fits = [_Fit(circles[i], reasons[i]) for i in range(len(s))]
     for i in np.flatnonzero(fitted):
@@ -713,7 +754,8 @@ class _Refit:
 def _refit(image, start, contrast, noise):
     """Fit again, with levels and slopes of their own, inside and outside, in those sectors that need them.
 
-    Side walls, highlights and clutter change the levels around a disc.  A sector gets a level and a slope of its
+    Side walls, highlights and clutter change the levels around a disc.  The common levels may change with the
+    direction (see `_common_normal`).  A sector gets a level and a slope of its
     own on either side if they lower its sum of squares by more than OWN_EXCESS noise variances (with
     four more unknowns, 4 are expected), or its chi2 with the common levels is more than SECTOR_SIGMAS standard
     deviations above 1.  The own levels are eliminated from the normal equations.  Such a sector has the weight
@@ -727,20 +769,21 @@ def _refit(image, start, contrast, noise):
     result = _Refit(start[np.arange(n)], np.full(n, np.log(1.2)), np.zeros((n, 5, 5)), np.zeros(n), None)
     result.reasons = np.full(n, "", object)
     noise, tolerated = np.hypot(noise, TOLERATED * contrast), noise**2 / (noise**2 + (TOLERATED * contrast) ** 2)
-    levels, own, active = None, np.ones((n, k), bool), np.ones(n, bool)
+    around, held = _directions(k), (noise / (UNEVEN * np.maximum(np.abs(contrast), 1e-3)))[:, None] ** 2 * _HELD
+    levels, own, active = np.zeros((n, 6)), np.ones((n, k), bool), np.ones(n, bool)
     for number in range(MAX_STEPS):
         moments = _sector_moments(sectors, result.ellipse, result.log_s, k)
         free = _own_levels(moments, count, noise)
         if number <= ALONE:
-            levels = np.stack([np.median(free.level, axis=1), np.median(free.contrast, axis=1)], axis=1)
-        shared = _same_chi2(moments, levels, count, noise)
+            levels[:, 0], levels[:, 3] = np.median(free.level, axis=1), np.median(free.contrast, axis=1)
+        shared = _same_chi2(moments, levels, around, count, noise)
         if ALONE <= number < FREEZE:
             own = (shared * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared > limit)
         fits = _share_that_fits(free, limit, contrast)
         visible = np.where(own, fits * (OWN_VISIBLE if number > ALONE else 1), 1).mean(axis=1)
         hidden = active & (visible < MIN_VISIBLE)
         weights = np.where(hidden[:, None] | ~own, 1, OWN_WEIGHT * fits)
-        normal, gradient, scores = _sector_equations(moments, levels, free, own, weights)
+        normal, gradient, scores = _sector_equations(moments, levels, around, held, free, own, weights)
         step, bad = _solve_scaled(normal, gradient)
         result.reasons[active & bad], result.reasons[hidden] = "no edge", "edge hidden"
         last = active & (np.einsum("ni,nij,nj->n", step, normal, step) <= LAST_STEP * noise**2) & (number > ALONE)
@@ -752,7 +795,8 @@ def _refit(image, start, contrast, noise):
         if last.any():
             chi2 = np.where(own, free.chi2, shared)
             known = np.where(own, 0, np.maximum(chi2, tolerated[:, None]))
-            _state(result, last, normal, _common_normal(moments, levels, known)[:, :8, :8], scores, noise)
+            middle = _common_normal(moments, levels, around, known)[:, :12, :12] + held[:, :, None] * np.eye(12)
+            _state(result, last, normal, middle, scores, noise)
             usual = np.average(chi2, axis=1, weights=np.maximum(weights * count, 1e-9))
             result.variance[last] = (noise**2 * usual)[last]
         active &= ~last & (result.reasons == "")
@@ -783,15 +827,17 @@ def _share_that_fits(free, limit, contrast):
     return np.minimum(1, (usual / free.chi2) ** 2) * (free.contrast / contrast[:, None] > 0.25)
 
 
-def _sector_equations(moments, levels, free, own, weights):
-    """Normal equations of x, y, r, p, q, log s, B, A: matrices (n, 8, 8), gradients (n, 8), and the part
-    (n, k, 6) of these that each sector with levels of its own contributes."""
+def _sector_equations(moments, levels, around, held, free, own, weights):
+    """Normal equations of x, y, r, p, q, log s and the six levels: matrices (n, 12, 12), gradients (n, 12), and the
+    part (n, k, 6) of these that each sector with levels of its own contributes."""
     alone = np.where(own, weights, 0)
     scores = (alone * free.contrast)[:, :, None] * free.left[:, :, :6, 6]
-    normal = _common_normal(moments, levels, np.where(own, 0, 1.0)) + 1e-9 * np.eye(9)
+    normal = _common_normal(moments, levels, around, np.where(own, 0, 1.0)) + 1e-9 * np.eye(13)
+    normal[:, range(12), range(12)] += held
+    normal[:, 6:12, 12] -= held[:, 6:] * levels
     normal[:, :6, :6] += _weighted_sum(alone * free.contrast**2, free.left)[:, :6, :6]
-    normal[:, :6, 8] += scores.sum(axis=1)
-    return normal[:, :8, :8], normal[:, :8, 8], scores
+    normal[:, :6, 12] += scores.sum(axis=1)
+    return normal[:, :12, :12], normal[:, :12, 12], scores
 
 
 @dataclass
@@ -811,13 +857,31 @@ def _weighted_sum(weights, matrices):
     return (weights[:, None] @ matrices.reshape(n, k, -1))[:, 0].reshape(n, *shape)
 
 
-def _common_normal(moments, levels, weights):
-    """Sums (n, 9, 9) of products of the derivatives and the residual, with common levels."""
-    change = np.zeros((len(levels), 9, 9))
-    change[:, range(6), range(6)] = levels[:, 1:]
-    change[:, range(6, 9), range(6, 9)] = 1
-    change[:, 8, 6:8] = -levels
-    return change @ _weighted_sum(weights, moments)[:, :9, :9] @ change.swapaxes(1, 2)
+def _directions(k):
+    """1, cos t and sin t (3, k) of the directions t in which k sectors lie."""
+    t = (np.arange(k) + 0.5) * (2 * np.pi / k) - np.pi
+    return np.stack([np.ones(k), np.cos(t), np.sin(t)])
+
+
+_HELD = np.array([0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 1])  # the levels' changes with the direction are held near 0
+
+
+def _common_normal(moments, levels, around, weights):
+    """Sums (n, 13, 13) of products of the derivatives and the residual, with common levels.
+
+    Levels (n, 6) are B and A, each as a + b cos t + c sin t in the direction t: the ground is seldom the same on
+    both sides of a disc, and a difference of 1 % of the contrast between them would move the centre by 0.01 px.
+    """
+    pairs = (around[:, None] * around).reshape(9, -1)
+    sums = (weights[:, None] * pairs) @ moments.reshape(*moments.shape[:2], -1)
+    sums = sums.reshape(-1, 3, 3, 11, 11)[..., :9, :9].swapaxes(2, 3).reshape(-1, 27, 27)
+    change, harmonics = np.zeros((len(levels), 13, 3, 9)), np.arange(3)
+    for derivative in range(6):
+        change[:, derivative, :, derivative] = levels[:, 3:]
+    change[:, 6 + harmonics, harmonics, 6] = change[:, 9 + harmonics, harmonics, 7] = change[:, 12, 0, 8] = 1
+    change[:, 12, :, 6], change[:, 12, :, 7] = -levels[:, :3], -levels[:, 3:]
+    change = change.reshape(-1, 13, 27)
+    return change @ sums @ change.swapaxes(1, 2)
 
 
 def _sector_moments(sectors, ellipse, log_s, k):
@@ -840,9 +904,10 @@ def _own_levels(moments, count, noise):
 _OWN, _REST = np.array([6, 7, 9, 10]), np.array([0, 1, 2, 3, 4, 5, 8])
 
 
-def _same_chi2(moments, levels, count, noise):
+def _same_chi2(moments, levels, around, count, noise):
     """Chi2 (n, k) of sectors with their disc's common levels."""
-    combination = np.stack([-levels[:, 0], -levels[:, 1], np.ones(len(levels))], axis=1)[:, None]
+    level, contrast = levels[:, :3] @ around, levels[:, 3:] @ around
+    combination = np.stack([-level, -contrast, np.ones_like(level)], axis=2)
     squares = ((moments[:, :, 6:9, 6:9] @ combination[..., None])[..., 0] * combination).sum(axis=2)
     return np.maximum(squares / np.maximum(count, 1), QUANTISATION) / noise[:, None] ** 2
 

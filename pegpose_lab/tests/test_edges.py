@@ -175,6 +175,7 @@ def test_side_walls_are_fitted_by_sectors(monkeypatch):
     rms, scaled, discs = rms_and_scaled()
     assert discs.accepted.all() and rms < 0.03 and scaled < 1.5
     monkeypatch.setattr(edges, "REFIT_SIGMAS", np.inf)
+    monkeypatch.setattr(edges, "GROUND_SIGMAS", np.inf)
     assert rms_and_scaled()[0] > 5 * rms
 
 
