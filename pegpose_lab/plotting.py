@@ -127,27 +127,6 @@ def plot_mask(ax, mask, *, color, label=None, alpha=0.75):
     ax.fill([], [], color=color, alpha=alpha, label=label)
 
 
-def plot_votes(ax, votes, truth, title=None, *, limits=None):
-    """The square root of a vote array, a ring round its highest count and a cross at `truth`; returns the count's x, y."""
-    peak = np.array(np.unravel_index(np.argmax(votes), votes.shape)[::-1])
-    plot_image(ax, np.sqrt(votes), title, limits=limits)
-    ax.plot(*peak, "o", color=COLORS["genetic"], markersize=11, fillstyle="none", markeredgewidth=1.5)
-    ax.plot(*truth, "+", color=COLORS["measured"], markersize=9, markeredgewidth=1.5)
-    return peak
-
-
-def plot_histogram(ax, image, thresholds=(), *, bins=256):
-    """Histogram of grey values on a logarithmic scale, with the thresholds as vertical lines."""
-    counts, edges = np.histogram(image, bins=bins, range=(0, 256))
-    ax.stairs(counts, edges, fill=True, color=COLORS["measured"])
-    for threshold in np.atleast_1d(thresholds):
-        ax.axvline(threshold, color=COLORS["genetic"], label=f"threshold {threshold:.0f}")
-    ax.set(xlabel="grey value", ylabel="pixels", yscale="log", xlim=(0, 255))
-    if np.size(thresholds):
-        ax.legend()
-    return counts
-
-
 def plot_circles(ax, centers, radii, *, color=COLORS["genetic"], label=None):
     """Circles with their centres."""
     for center, radius in zip(np.atleast_2d(centers), np.atleast_1d(radii)):
@@ -160,18 +139,6 @@ def plot_ellipses(ax, centers, semi_axes, angles, *, color=COLORS["joint"], labe
     for center, (major, minor), angle in zip(centers, semi_axes, angles):
         ax.add_patch(Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2))
     ax.plot(*np.atleast_2d(centers).T, "x", color=color, markersize=5, label=label)
-
-
-def plot_pegs(ax, observation, *, color=COLORS["genetic"]):
-    """Labelled pegs, screws, bore and hub centre of a `PegObservation` (Fig. 3)."""
-    plot_circles(ax, observation.peg_centers, observation.peg_radii, color=color)
-    for number, center in enumerate(observation.peg_centers, 1):
-        ax.annotate(str(number), center, xytext=(3, 2), textcoords="offset points", color=color, weight="bold", fontsize=11)
-    plot_circles(ax, [observation.bore_center], [observation.bore_radius], color=COLORS["measured"])
-    ax.plot(*observation.screw_centers.T, "^", color=COLORS["linear"], markersize=6)
-    for number, center in enumerate(observation.screw_centers, 1):
-        ax.annotate(f"s{number}", center, xytext=(6, 4), textcoords="offset points", color=COLORS["linear"])
-    ax.plot(*observation.hub_center, "o", color=COLORS["joint"], markersize=4)
 
 
 def plot_residuals(ax, image_points, residuals, *, scale=1000.0, color=COLORS["genetic"], image_size=None):
@@ -190,19 +157,6 @@ def plot_convergence(ax, histories, *, label, color, floor=None):
     if floor is not None:
         ax.axhline(floor, color=COLORS["oracle"], linestyle="--", label="optimum in the box")
     ax.set(xlabel="generation", ylabel="best mean distance (px)")
-
-
-def plot_valley(ax, focal_lengths, depths, objective, *, population=None, color=COLORS["genetic"]):
-    """Contours of log10 of the objective over (f, T_z), with a population on top.
-
-    `objective` is (len(depths), len(focal_lengths)).
-    """
-    levels = np.linspace(*np.percentile(np.log10(objective), [0, 100]), 16)
-    filled = ax.contourf(focal_lengths, depths, np.log10(objective), levels=levels, cmap="cividis")
-    if population is not None:
-        ax.plot(*np.asarray(population).T, ".", color=color, markersize=4)
-    ax.set(xlabel="focal length f (mm)", ylabel="$T_z$ (mm)")
-    return filled
 
 
 def plot_map(ax, x, y, values):
@@ -234,17 +188,6 @@ def plot_error_scatter(ax, residuals, *, color=COLORS["genetic"], label=None, li
     ax.set(xlabel="error in x (px)", ylabel="error in y (px)", aspect="equal")
     if label:
         ax.legend()
-
-
-def plot_bars(ax, names, values, *, colors, unit):
-    """One horizontal bar for each method, its value written behind it."""
-    positions = np.arange(len(names))
-    ax.barh(positions, values, color=colors, height=0.6)
-    for position, value in zip(positions, values):
-        ax.annotate(f"{value:.4g}", (value, position), xytext=(4, 0), textcoords="offset points", va="center")
-    ax.set(yticks=positions, yticklabels=names, xlabel=unit)
-    ax.invert_yaxis()
-    ax.margins(x=0.15)
 
 
 def plot_dots(ax, names, values, *, colors, unit, printed=(), logarithmic=False):
@@ -297,18 +240,3 @@ def plot_block_means(ax, table, *, color=COLORS["paper"], label="paper"):
         fmt="s", color=color, markersize=5, capsize=3, label=label,
     )
     ax.set(xlabel="frame", ylabel="error of the radius (mm)")
-
-
-def plot_errors_over_noise(ax, noises, ratios, *, quantity="centre"):
-    """Error over the bound against noise, a line for each detector of `ratios`, with the bound itself at 1.
-
-    `ratios` maps names of `DETECTORS` to as many numbers as there are `noises`; NaN where a detector found nothing.
-    """
-    for method, values in ratios.items():
-        color, marker, line = DETECTORS[method]
-        width = 2.5 if line == "-" else 1.2
-        ax.loglog(noises, values, color=color, marker=marker, linestyle=line, linewidth=width, markersize=5, label=method)
-    ax.axhline(1, color=COLORS["paper"], linewidth=1, label="bound")
-    ax.set(xlabel="noise (grey values)", ylabel=f"{quantity} error / bound")
-    ax.set_xticks(noises, [f"{noise:g}" for noise in noises])
-    ax.minorticks_off()

@@ -1,7 +1,6 @@
 """Figures: the same bytes each time, whole files only, and artists that hold the data they were given."""
 
 import warnings
-from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -179,26 +178,6 @@ def test_mask(axes):
     assert len(axes.images) == 2
 
 
-def test_votes(axes):
-    votes = np.zeros((5, 8))
-    votes[3, 6] = 4.0
-    peak = plotting.plot_votes(axes, votes, (2.0, 1.0), "two-stage")
-    assert_allclose(peak, [6, 3])
-    ring, cross = axes.lines
-    assert_allclose(ring.get_xydata(), [[6, 3]])
-    assert_allclose(cross.get_xydata(), [[2, 1]])
-    assert axes.images[0].get_array().max() == 2.0
-
-
-def test_histogram(axes):
-    image = np.array([[0, 0, 255], [7, 7, 7]], np.uint8)
-    counts = plotting.plot_histogram(axes, image, thresholds=[100.0, 130.0])
-    assert counts.sum() == 6 and counts[0] == 2 and counts[7] == 3 and counts[255] == 1
-    assert np.array_equal(axes.patches[0].get_data().values, counts)
-    assert [line.get_xdata()[0] for line in axes.lines] == [100.0, 130.0]
-    assert axes.get_yscale() == "log"
-
-
 @pytest.mark.parametrize("count", [1, 4])
 def test_circles(count, axes):
     rng = np.random.default_rng(count)
@@ -218,24 +197,6 @@ def test_ellipses(axes):
     assert_allclose(drawn, (10, 20, 16, 10, np.rad2deg(0.3)))
     tip = ellipse.get_patch_transform().transform([(1.0, 0.0)])[0]
     assert_allclose(tip - centers[0], 8.0 * np.array([np.cos(0.3), np.sin(0.3)]))  # from x towards y
-
-
-def test_pegs(axes):
-    observation = SimpleNamespace(
-        peg_centers=np.array([[10.0, 10], [90, 12], [88, 92], [12, 90]]), peg_radii=np.full(4, 6.0),
-        bore_center=np.array([50.0, 51]), bore_radius=15.0, hub_center=np.array([50.0, 50.5]),
-        screw_centers=np.array([[10.0, 50], [90, 50]]),
-    )
-    plotting.plot_pegs(axes, observation)
-    labels = {text.get_text(): text.xy for text in axes.texts}
-    for number, center in enumerate(observation.peg_centers, 1):
-        assert_allclose(labels[str(number)], center)
-    for number, center in enumerate(observation.screw_centers, 1):
-        assert_allclose(labels[f"s{number}"], center)
-    drawn = np.vstack([line.get_xydata() for line in axes.lines])
-    for point in np.vstack([observation.peg_centers, observation.screw_centers, observation.hub_center]):
-        assert np.min(np.linalg.norm(drawn - point, axis=1)) == 0
-    assert {patch.radius for patch in axes.patches} == {6.0, 15.0}
 
 
 def test_residuals(axes):
@@ -259,16 +220,6 @@ def test_convergence(axes):
     assert axes.get_yscale() == "log"
 
 
-def test_valley(axes):
-    f, depths = np.linspace(40, 60, 21), np.linspace(200, 300, 11)
-    objective = 0.1 + np.hypot((f - 48) / 48, (depths[:, None] - 267) / 267)
-    population = np.array([[45.0, 250], [50, 280]])
-    filled = plotting.plot_valley(axes, f, depths, objective, population=population)
-    assert_allclose(axes.lines[0].get_xydata(), population)
-    assert_allclose(filled.levels[[0, -1]], [np.log10(objective.min()), np.log10(objective.max())])
-    assert axes.get_xlim() == (40, 60) and axes.get_ylim() == (200, 300)
-
-
 def test_map(axes):
     x, y = np.linspace(-50, 50, 11), np.linspace(-20, 20, 5)
     filled = plotting.plot_map(axes, x, y, x + 10 * y[:, None])
@@ -290,14 +241,6 @@ def test_error_scatter(axes):
     plotting.plot_error_scatter(axes, residuals, limit=0.5)
     assert_allclose(axes.lines[0].get_xydata(), residuals)
     assert axes.patches[0].radius == 0.5 and axes.get_aspect() == 1.0
-
-
-def test_bars(axes):
-    plotting.plot_bars(axes, ["linear", "genetic"], [0.18, 0.031], colors=["#E69F00", "#D55E00"], unit="px")
-    assert_allclose([bar.get_width() for bar in axes.patches], [0.18, 0.031])
-    assert [text.get_text() for text in axes.texts] == ["0.18", "0.031"]
-    assert [label.get_text() for label in axes.get_yticklabels()] == ["linear", "genetic"]
-    assert axes.yaxis_inverted() and axes.get_xlabel() == "px"
 
 
 def test_dots(axes):
@@ -343,16 +286,3 @@ def test_block_means(axes):
     across, along = (np.array(bars.get_segments()) for bars in container.lines[2])
     assert_allclose(across[:, 1, 0] - across[:, 0, 0], [9, 24])
     assert_allclose(along[:, 1, 1] - along[:, 0, 1], [0.8 / np.sqrt(10), 0.2])
-
-
-def test_errors_over_noise_stand_beside_the_bound(axes):
-    ratios = {"ours": [1.0, 1.1, np.nan], "EdgeDrawing": [4.0, 3.0, 2.0]}
-    plotting.plot_errors_over_noise(axes, [1, 2, 5], ratios, quantity="radius")
-    ours, other, bound = axes.lines
-    assert_allclose(ours.get_xydata(), np.column_stack([[1, 2, 5], ratios["ours"]]))
-    assert_allclose(other.get_ydata(), ratios["EdgeDrawing"])
-    assert_allclose(bound.get_ydata(), 1)
-    assert (ours.get_color(), ours.get_marker()) == plotting.DETECTORS["ours"][:2]
-    assert axes.get_xscale() == axes.get_yscale() == "log"
-    assert [text.get_text() for text in axes.get_xticklabels()] == ["1", "2", "5"]
-    assert axes.get_ylabel() == "radius error / bound"
