@@ -180,6 +180,8 @@ class _Genes:
     as narrow as m is certain and as long as T_z is not, and these genes are its axes.  The box is the
     same: m has the range that the box allows; f outside is clipped, and what was clipped is penalised
     (clipping alone would make the corners of the box attractive, as many m would mean the same f there).
+    An optimum on the edge in f then lies on an oblique ridge that these genes climb slowly: of 25 seeds on each of
+    11 such simulated views 225 of 275 end within 1e-4 px of it, the worst 0.045 px above.
     """
 
     def __init__(self, form, linear, c2, box):
@@ -239,18 +241,30 @@ class _Genes:
 
 
 def _edge_flags(coding, chromosome, object_points, image_points, camera):
-    """A sentence if the chromosome sits on the edge of the box, with what the view knows of f without a box."""
+    """A sentence if the chromosome sits on the edge of the box, with what the view knows of f without a box.
+
+    A wrong principal point moves f by more than the interval with it held says, so both intervals are told.
+    """
     flags = coding.flags(chromosome)
     if not flags:
         return ()
-    try:
-        low, high = profile_focal_length([object_points], [image_points], camera, principal_point="fixed")
-    except CalibrationError:
-        return flags
+    held, free = (_allowed_f(object_points, image_points, camera, form) for form in ("fixed", "free"))
     return (
-        f"{flags[0]} Least squares of all parameters of this view allow f from {low:.5g} to {high:.5g} mm (95 %, profile "
-        "likelihood).",
+        f"{flags[0]} Least squares of all parameters of this view (95 %, profile likelihood, this lens model): f is "
+        f"{held} with this principal point, and {free} with the principal point free.",
     )
+
+
+def _allowed_f(object_points, image_points, camera, principal_point):
+    """The interval of f by its profile likelihood, in words."""
+    try:
+        low, high = profile_focal_length([object_points], [image_points], camera, principal_point=principal_point)
+    except CalibrationError:
+        return "not determined"
+    if low == 0 or np.isinf(high):
+        ends = [f"above {low:.5g} mm"] * (low > 0) + [f"below {high:.5g} mm"] * bool(np.isfinite(high))
+        return ", ".join(["not determined", *ends])
+    return f"{low:.5g} to {high:.5g} mm"
 
 
 def calibrate_genetic(
@@ -323,23 +337,28 @@ def calibrate_genetic(
 
 # --- the oracle ----------------------------------------------------------------------------------------
 
-SCANNED = 401
-"""Values of T_z across the box that `optimum_in_box` starts from."""
+SCANNED, SCANNED_F = 401, 41
+"""Values of T_z across the box that `optimum_in_box` starts from, and of f for each of them."""
 
-ZOOM_POINTS, ZOOM, ZOOM_STEPS = 9, 0.5, 120
 STARTS = 3
+NARROWED = 9
+"""Points of each later, narrower scan: it is a quarter as wide as the one before."""
+
+COARSE, FINE = 8, 25
+"""Narrower scans that find the valleys, to 1e-6 of the box, and that end at the last digits."""
 
 
 def optimum_in_box(object_points, image_points, camera, *, box=BOX):
     r"""The best that stage 2 can find: the smallest Eq. 7 in the box of Eq. 5, without chance.  Judge the GA by it.
 
-    For a given T_z, Eq. 6's y equation and its like in x are linear in f and kappa1,
+    The search has two unknowns, so it can be done in one: over T_z, of
 
-    .. math:: \frac{f}{c_2 + T_z} (x_c, y_c) - \kappa_1 r^2 (x_d, y_d) = (x_d, y_d),
+    .. math:: g(T_z) = \min_{f_{low} \le f \le f_{high}} E(f, T_z),
 
-    and their least squares gives an f for each of `SCANNED` values of T_z.  From the best `STARTS` valleys of Eq. 7
-    on that line, grids of magnification and T_z that move to their best point, and halve when it is inside,
-    polish it to the last digits.
+    a valley's floor, however oblique and narrow the valley, and the edge of the box where the valley leaves it.  For a
+    given T_z the undistorted problem is linear in f and kappa1, and E has one minimum, between the neighbours of the
+    best of `SCANNED_F` values; ever narrower scans find it.  g is scanned at `SCANNED` values of T_z and its `STARTS`
+    deepest valleys are narrowed alike, to the last digits.
 
     Parameters
     ----------
@@ -359,19 +378,19 @@ def optimum_in_box(object_points, image_points, camera, *, box=BOX):
     box = as_number(box, "box", 0, 1, exclusive=True)
     linear = calibrate_tsai(object_points, image_points, camera)
     objective = TwoStageObjective(object_points, image_points, linear)
-    coding = _Genes("magnification", linear, objective.c2, box)
+    coding = _Genes("printed", linear, objective.c2, box)
+    f_range = coding.lower[0], coding.upper[0]
     t_z = np.linspace(coding.lower[1], coding.upper[1], SCANNED)
-    f = np.clip(_linear_f(objective, t_z), coding.lower[0], coding.upper[0])
-    values = objective(np.column_stack([f, t_z]))
+    values = _valley_floor(objective, t_z, f_range, COARSE)[1]
+    if values.min() >= PENALTY:
+        raise CalibrationError("no chromosome in the box sees all points; check the points and stage 1")
     padded = np.pad(values, 1, constant_values=np.inf)
     valleys = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
     starts = valleys[np.argsort(values[valleys])][:STARTS]
-    genes = [_polish(objective, coding, f[k], t_z[k], t_z[1] - t_z[0]) for k in starts]
-    chromosomes = coding.decode(np.array(genes))
-    values = objective(chromosomes)
-    if values.min() >= PENALTY:
-        raise CalibrationError("no chromosome in the box sees all points; check the points and stage 1")
-    best = chromosomes[values.argmin()]
+    low, high = t_z[np.maximum(starts - 1, 0)], t_z[np.minimum(starts + 1, SCANNED - 1)]
+    found, values = _narrow(lambda t: _valley_floor(objective, t, f_range, FINE)[1], low, high, NARROWED, FINE)
+    t_z = found[values.argmin()]
+    best = np.array([_valley_floor(objective, t_z, f_range, FINE)[0], t_z])
     kappa1, stage_1 = objective.kappa1(best[None]).item(), linear.cam_from_object[0]
     return Calibration(
         replace(linear.camera, focal_length=best[0], kappa1=kappa1),
@@ -381,28 +400,23 @@ def optimum_in_box(object_points, image_points, camera, *, box=BOX):
     )
 
 
-def _linear_f(objective, t_z):
-    """f (n,) by linear least squares over f and kappa1 for each T_z (n,)."""
-    depth = np.maximum(objective.c2 + t_z[:, None], 1e-6)
-    seen, lateral = objective.sensor_points, np.column_stack([objective.x_c, objective.c3])
-    by_f = (lateral / depth[:, :, None]).reshape(len(t_z), -1)
-    by_kappa1 = (objective.squared_radius[:, None] * seen).ravel()
-    ff, fk, kk = (by_f**2).sum(axis=1), by_f @ by_kappa1, by_kappa1 @ by_kappa1
-    f_side, k_side = by_f @ seen.ravel(), by_kappa1 @ seen.ravel()
-    return (f_side * kk - fk * k_side) / (ff * kk - fk**2)
+def _valley_floor(objective, t_z, f_range, scans):
+    """The f within its range, ends included, with the smallest Eq. 7 for each T_z (any shape), and that value, px."""
+    shape, t_z = np.shape(t_z), np.ravel(t_z)
+
+    def at(f):
+        chromosomes = np.stack([f, np.broadcast_to(t_z[:, None], f.shape)], axis=-1)
+        return objective(chromosomes.reshape(-1, 2)).reshape(f.shape)
+
+    f, values = _narrow(at, *(np.full(len(t_z), end) for end in f_range), SCANNED_F, scans)
+    return f.reshape(shape), values.reshape(shape)
 
 
-def _polish(objective, coding, f, t_z, step):
-    """The genes at the bottom of the valley that a chromosome lies in."""
-    lower, upper = coding.bounds.T
-    center = np.array([f / coding.depth(t_z), t_z])
-    half = np.array([0.01 * center[0], 2 * step])
-    offsets = np.stack(np.meshgrid(*2 * [np.linspace(-1, 1, ZOOM_POINTS)]), axis=-1).reshape(-1, 2)
-    for _ in range(ZOOM_STEPS):
-        genes = np.clip(center + offsets * half, lower, upper)
-        best = (objective(coding.decode(genes)) + coding.penalty(genes)).argmin()
-        center = genes[best]
-        half = np.where(np.abs(offsets[best]) < 1, ZOOM * half, half)
-        if np.all(half <= 1e-13 * np.abs(center)):
-            break
-    return center
+def _narrow(function, low, high, points, scans):
+    """Where a function of (n, k) is smallest between low (n,) and high (n,), both included, and its value there."""
+    for count in (points, *[NARROWED] * scans):
+        places = np.linspace(low, high, count, axis=1)
+        values = function(places)
+        best = values.argmin(axis=1)[:, None]
+        low, high = (np.take_along_axis(places, np.clip(best + k, 0, count - 1), 1)[:, 0] for k in (-1, 1))
+    return np.take_along_axis(places, best, 1)[:, 0], np.take_along_axis(values, best, 1)[:, 0]
