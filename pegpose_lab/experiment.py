@@ -6,12 +6,15 @@ on the sensor.  What is not printed (the other four boards, how far the hub turn
 height, grey values, blur and noise) is chosen here, once, and stated.
 """
 
+import csv
+import io
 import time
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import product
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 from joblib import Parallel, delayed
@@ -160,9 +163,10 @@ SAVED_EVERY = 10.0  # s, between two writes of the file
 BOARD_DEPTH = 310.0  # mm, of the board's middle: all corners of a board tilted by up to 45 degrees are in the picture
 BOARD_SHIFT = 25.0  # mm, largest in x and y
 
-_KEY = ["seed", "corners", "noise", "tilt", "views", "method", "trial"]
-_COLUMNS = [*_KEY, *(column for name in PARAMETERS for column in (name, f"{name}_sigma"))]
-_COLUMNS += ["T_z_error", "rms", "mean_distance", "corner_sigma", "expected_rms", "status"]
+_KEY = {"seed": int, "corners": str, "noise": float, "tilt": float, "views": int, "method": str, "trial": int}
+_FOUND = [*PARAMETERS, "T_z_error", "rms", "mean_distance", "corner_sigma", "expected_rms"]
+_NUMBERS = [*(column for name in PARAMETERS for column in (name, f"{name}_sigma")), *_FOUND[len(PARAMETERS) :]]
+_COLUMNS = [*_KEY, *_NUMBERS, "status", "flags"]
 
 RENDERED_FILE = PROJECT_FOLDER / "data" / "measured" / "rendered_trials.csv"
 RENDERED = {"corners": "rendered", "noises": (2.0,), "trials": 200}
@@ -205,7 +209,7 @@ def monte_carlo(
         Processes; None leaves it to joblib's context, which is one process without a context.
     path : path, optional
         CSV file to which finished trials are written every few seconds and at the end, also of an interrupted run;
-        those that it has already are not run again.
+        those that it has already are not run again.  Of its lines, those that are cut or damaged do not count.
     progress : bool
         Show a progress bar.
 
@@ -216,8 +220,9 @@ def monte_carlo(
         (mm, mm^-2), c_x, c_y (px), each with its stated sigma (NaN if the method states none); T_z_error, mm, of
         the first view's middle; rms and mean_distance, px; corner_sigma, px: the noise of simulated corners, of found
         ones the root mean square error per axis; expected_rms = corner_sigma sqrt(2 (1 - p / 2n)), px, for n
-        points and p parameters; status, empty or the text of the `DetectionError` or `CalibrationError`, and then
-        the numbers are NaN.
+        points and p parameters; status, empty or the text of the `DetectionError` or `CalibrationError`, or the type
+        and text of a numerical error, and then the numbers are NaN; flags, what the calibration says must be known
+        before using its numbers, empty if nothing.
 
     Raises
     ------
@@ -227,9 +232,10 @@ def monte_carlo(
     if corners not in CORNERS:
         raise ValueError(f"corners is {corners!r}; expected {' or '.join(map(repr, CORNERS))}")
     conditions = _as_conditions(noises, tilts, views, methods, trials)
-    wanted = [(int(seed), corners, *condition) for condition in conditions]
+    seed = _as_whole(seed, "seed", 0)
+    wanted = [(seed, corners, *condition) for condition in conditions]
     done = _finished(path)
-    known = set(done[_KEY].itertuples(index=False, name=None))
+    known = set(done[[*_KEY]].itertuples(index=False, name=None))
     tasks = [key for key in wanted if key not in known]
     run = Parallel(n_jobs=workers, return_as="generator")(delayed(run_trial)(*key) for key in tasks)
     rows, saved = [], time.monotonic()
@@ -241,7 +247,7 @@ def monte_carlo(
                 saved = time.monotonic()
     finally:
         done = _save(path, done, rows)
-    return done.set_index(_KEY).loc[sorted(wanted)].reset_index()
+    return done.set_index([*_KEY]).loc[sorted(wanted)].reset_index()
 
 
 def run_trial(seed, corners, noise, tilt, views, method, trial):
@@ -254,12 +260,20 @@ def run_trial(seed, corners, noise, tilt, views, method, trial):
         image_points, sigma = _see(corners, camera, board, poses, noise, rng)
         found, unknowns = _calibrate(method, [board.object_points] * views, image_points, camera, rng)
     except (DetectionError, CalibrationError) as error:
-        return (*key, *[np.nan] * (2 * len(PARAMETERS) + 5), str(error))
+        return _failed(key, str(error))
+    except (ValueError, ArithmeticError, cv2.error) as error:  # one trial's numbers must not end the others
+        return _failed(key, f"{type(error).__name__}: {error}")
     values = [value for name in PARAMETERS for value in _estimate(found, name, camera)]
     middle = [pose.apply(board.center)[2] for pose in (found.cam_from_object[0], poses[0])]
     n = sum(len(points) for points in found.residuals)
     expected = sigma * np.sqrt(2 * (1 - unknowns / (2 * n)))
-    return (*key, *values, middle[0] - middle[1], found.rms, found.mean_distance, sigma, expected, "")
+    numbers = *values, middle[0] - middle[1], found.rms, found.mean_distance, sigma, expected
+    return (*key, *numbers, "", " ".join(found.flags))
+
+
+def _failed(key, reason):
+    """The row of a trial without numbers, its reason on one line."""
+    return (*key, *[np.nan] * len(_NUMBERS), " ".join(reason.split()), "")
 
 
 def _see(corners, camera, board, poses, noise, rng):
@@ -316,24 +330,54 @@ def _estimate(found, name, camera):
 
 def _as_conditions(noises, tilts, views, methods, trials):
     """The checked combinations (noise, tilt, views, method, trial), each once."""
-    noises = [as_number(noise, "noises", 0) for noise in noises]
-    tilts = [as_number(tilt, "tilts", 0, 45) for tilt in tilts]
-    views = [int(as_number(number, "views", 1)) for number in views]
+    noises = [as_number(noise, "noises", 0) for noise in _as_sequence(noises, "noises")]
+    tilts = [as_number(tilt, "tilts", 0, 45) for tilt in _as_sequence(tilts, "tilts")]
+    views = [_as_whole(number, "views", 1) for number in _as_sequence(views, "views")]
+    methods = _as_sequence(methods, "methods")
     unknown = set(methods) - set(METHODS)
     if unknown:
-        raise ValueError(f"methods has {', '.join(sorted(unknown))}; expected some of {', '.join(METHODS)}")
-    numbers = range(int(as_number(trials, "trials", 1)))
-    return list(dict.fromkeys(product(noises, tilts, views, methods, numbers)))
+        raise ValueError(f"methods has {', '.join(map(str, unknown))}; expected some of {', '.join(METHODS)}")
+    return list(dict.fromkeys(product(noises, tilts, views, methods, range(_as_whole(trials, "trials", 1)))))
+
+
+def _as_sequence(values, name):
+    if np.ndim(values) != 1 or len(values) == 0:
+        raise ValueError(f"{name} is {values!r}; expected a sequence of at least one value")
+    return list(values)
+
+
+def _as_whole(value, name, minimum):
+    number = as_number(value, name, minimum)
+    if number != int(number):
+        raise ValueError(f"{name} is {number:g}; expected a whole number")
+    return int(number)
 
 
 def _finished(path):
-    """The rows of the file, none if there is no file yet."""
+    """The finished rows of the file, each key once; none if there is no file yet."""
     if path is None or not Path(path).exists():
         return _as_table([])
-    table = pd.read_csv(path, dtype={"status": str})
-    if list(table.columns) != _COLUMNS:
-        raise ValueError(f"path {path} has columns {', '.join(table.columns)}; expected {', '.join(_COLUMNS)}")
-    return table.astype({"noise": float, "tilt": float}).fillna({"status": ""})
+    text = Path(path).read_text(encoding="utf-8", errors="replace")
+    try:
+        lines = list(csv.reader(io.StringIO(text, newline="")))
+    except csv.Error as error:
+        raise ValueError(f"path {path} is not a CSV file: {error}") from error
+    if not lines or lines[0] != _COLUMNS:
+        raise ValueError(f"path {path} has columns {', '.join(lines[0] if lines else [])}; expected {', '.join(_COLUMNS)}")
+    whole = lines[1:] if text.endswith("\n") else lines[1:-1]  # a line that was cut may look like a whole one
+    rows = [row for row in map(_as_row, whole) if row is not None]
+    return _as_table(rows).drop_duplicates([*_KEY], ignore_index=True)
+
+
+def _as_row(fields):
+    """The row that a line of the file holds, or None if that is not a finished trial."""
+    types = [*_KEY.values(), *[lambda field: float(field or "nan")] * len(_NUMBERS), str, str]
+    try:
+        row = [read(field) for read, field in zip(types, fields, strict=True)]
+    except ValueError:
+        return None
+    values = dict(zip(_COLUMNS, row, strict=True))
+    return row if values["status"] or np.isfinite([values[name] for name in _FOUND]).all() else None
 
 
 def _save(path, done, rows):

@@ -66,6 +66,65 @@ def test_what_was_finished_before_an_interrupt_is_kept(tmp_path, monkeypatch):
     pd.testing.assert_frame_equal(monte_carlo(**SMALL, path=path), monte_carlo(**SMALL), rtol=1e-12)
 
 
+@pytest.mark.parametrize("kept", [3, 25, 40, 60, 120, -30, -2, -1])
+def test_a_cut_last_line_is_run_again(tmp_path, kept):
+    path = tmp_path / "trials.csv"
+    whole = monte_carlo(**SMALL, path=path)
+    *lines, last = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(lines) + last[:kept])
+    pd.testing.assert_frame_equal(monte_carlo(**SMALL, path=path), whole, rtol=1e-12)
+    assert len(pd.read_csv(path)) == 8
+
+
+def test_damaged_and_double_lines_do_not_count(tmp_path):
+    path = tmp_path / "trials.csv"
+    whole = monte_carlo(**SMALL, path=path)
+    header, first, second, third, *others = path.read_text().splitlines(keepends=True)
+    no_rms = third.split(",")
+    no_rms[header.split(",").index("rms")] = ""
+    damaged = [header, first, first, second.replace("47.9", "47.9x"), ",".join(no_rms), "garbage,1,2\n", "\0\n", *others]
+    path.write_text("".join(damaged))
+    pd.testing.assert_frame_equal(monte_carlo(**SMALL, path=path), whole, rtol=1e-12)
+    assert len(pd.read_csv(path)) == 8
+
+
+def test_rows_without_a_stated_sigma_are_finished(tmp_path, monkeypatch):
+    options = SMALL | {"methods": ("tsai",), "tilts": (0.0, 30.0)}
+    whole = monte_carlo(**options, path=tmp_path / "trials.csv")
+    monkeypatch.setattr(experiment, "run_trial", None)
+    pd.testing.assert_frame_equal(monte_carlo(**options, path=tmp_path / "trials.csv"), whole)
+
+
+@pytest.mark.parametrize(
+    "error, reason",
+    [
+        (np.linalg.LinAlgError("Singular\n matrix"), "LinAlgError: Singular matrix"),
+        (OverflowError("too large"), "OverflowError: too large"),
+        (ValueError("no image"), "ValueError: no image"),
+    ],
+)
+def test_a_numerical_error_is_a_row_with_its_type(tmp_path, monkeypatch, error, reason):
+    def fail(*_, **__):
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr(experiment, "calibrate_joint", fail)
+        table = monte_carlo(**SMALL, path=tmp_path / "trials.csv")
+    assert (table["status"] == reason).all() and table["rms"].isna().all() and (table["flags"] == "").all()
+    pd.testing.assert_frame_equal(monte_carlo(**SMALL, path=tmp_path / "trials.csv"), table)
+
+
+def test_flags_of_the_calibration_are_kept(tmp_path):
+    """One hardly tilted board leaves f to a trade with T_z, and a well tilted one does not."""
+    options = {"methods": ("tsai",), "tilts": (4.0, 30.0), "trials": 10, "progress": False, "path": tmp_path / "trials.csv"}
+    table = monte_carlo(**options)
+    flat, tilted = (table[table["tilt"] == tilt] for tilt in (4.0, 30.0))
+    known = flat[flat["status"] == ""]
+    assert len(known) and known["flags"].str.contains("f and T_z trade off").all()
+    assert (tilted["flags"] == "").all() and (tilted["status"] == "").all()
+    pd.testing.assert_frame_equal(monte_carlo(**options), table)
+
+
 def test_what_is_refused_is_a_row_with_its_reason():
     table = monte_carlo(noises=(0.2,), tilts=(0.0,), views=(3,), trials=2, progress=False)
     assert table["status"].str.contains("straight ahead").all() and table["focal_length"].isna().all()
@@ -85,7 +144,8 @@ def test_the_noise_floor_and_the_intervals():
 def test_rendered_trials_leave_the_noise_of_their_corners():
     """The file's trials: rms over sigma sqrt(2 (1 - p / 2n)), sigma being the corners' true error."""
     table = load_rendered_trials()
-    assert len(table) == 200 and (table["corners"] == "rendered").all() and (table["status"] == "").all()
+    assert len(table) == 200 and (table["corners"] == "rendered").all()
+    assert (table["status"] == "").all() and (table["flags"] == "").all()
     floor = table["rms"] / table["expected_rms"]
     assert floor.mean() == pytest.approx(1, abs=0.03) and floor.std() < 0.03
     assert table["corner_sigma"].between(0.001, 0.01).all()
@@ -107,6 +167,9 @@ def test_a_board_that_is_not_found_is_a_row_with_its_reason(monkeypatch):
     [
         ({"noises": (-1,)}, "noises"), ({"tilts": (80,)}, "tilts"), ({"views": (0,)}, "views"),
         ({"methods": ("magic",)}, "methods"), ({"trials": 0}, "trials"), ({"corners": "drawn"}, "corners"),
+        ({"views": (2.5,)}, "views.*whole"), ({"trials": 2.5}, "trials.*whole"), ({"seed": 0.5}, "seed.*whole"),
+        ({"seed": -1}, "seed"), ({"noises": 0.1}, "noises.*sequence"), ({"methods": "joint"}, "methods.*sequence"),
+        ({"tilts": ()}, "tilts.*at least one"),
     ],
 )
 def test_unusable_options_are_named(options, named):
@@ -114,12 +177,13 @@ def test_unusable_options_are_named(options, named):
         monte_carlo(**(SMALL | options))
 
 
-def test_another_file_is_refused(tmp_path):
+@pytest.mark.parametrize("text", ["a,b\n1,2\n", "", "\xff\0"])
+def test_another_file_is_refused(tmp_path, text):
     path = tmp_path / "other.csv"
-    path.write_text("a,b\n1,2\n")
-    with pytest.raises(ValueError, match="columns"):
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"other\.csv has columns"):
         monte_carlo(**SMALL, path=path)
-    assert path.read_text() == "a,b\n1,2\n"
+    assert path.read_text() == text
 
 
 def test_a_dask_cluster_takes_the_trials_over():
