@@ -12,6 +12,12 @@ import numpy as np
 
 from .checks import as_number, as_points, as_pose
 
+OPENCV_PLAIN, OPENCV_LIMIT = 1e-3, 0.05
+"""px: how far OpenCV's model with 5 and with 8 coefficients may be from a `TsaiCamera` in its picture."""
+
+RATIO_ROUNDS = 4
+"""Weighted fits of a ratio of polynomials: more change its error by less than a tenth."""
+
 
 def max_undistorted_radius(kappa1):
     """Return the largest undistorted radius that Eq. 3 can produce: 2 / (3 sqrt(-3 kappa1)), or infinity.
@@ -217,33 +223,48 @@ class TsaiCamera(_Camera):
         return self.undistort(self.to_sensor(image_points)) / self.focal_length
 
     def to_opencv(self):
-        """Return the `OpenCVCamera` that agrees with this one over the picture.
+        r"""Return the `OpenCVCamera` that agrees with this one over the picture, to `OPENCV_LIMIT` px.
 
-        Eq. 3 maps distorted to undistorted radii, OpenCV's polynomial 1 + k1 r^2 + k2 r^4 + k3 r^6 the
-        other way: k1, k2, k3 are fitted to the inverse of Eq. 3 up to the farthest corner of the picture.
+        Eq. 3 maps distorted to undistorted radii, OpenCV's model the other way:
+
+        .. math:: r_d = r \frac{1 + k_1 r^2 + k_2 r^4 + k_3 r^6}{1 + k_4 r^2 + k_5 r^4 + k_6 r^6}
+
+        is fitted to the inverse of Eq. 3 up to the farthest corner of the picture.  The denominator is 1, and
+        there are 5 coefficients, where that is exact to `OPENCV_PLAIN` px; else there are 8.
 
         Raises
         ------
         ValueError
-            If the picture reaches beyond the range in which Eq. 3 can be inverted.
+            If the picture reaches beyond the range in which Eq. 3 can be inverted, or if OpenCV's model is farther from
+            it than `OPENCV_LIMIT` px somewhere in the picture.
         """
+        distorted = self._radii()
+        undistorted = distorted * (1 + self.kappa1 * distorted**2)
+        for terms, limit in ((0, OPENCV_PLAIN), (3, OPENCV_LIMIT)):
+            above, below = _fit_ratio(undistorted / self.focal_length, distorted / self.focal_length, terms)
+            fitted = undistorted * _ratio(undistorted / self.focal_length, above, below)
+            error = np.abs(fitted - distorted).max() * self.pixels_per_mm.max()
+            if error <= limit:
+                camera_matrix = np.diag([*(self.focal_length * self.pixels_per_mm), 1.0])
+                camera_matrix[:2, 2] = self.principal_point
+                return OpenCVCamera(camera_matrix, [*above[:2], 0, 0, above[2], *below], self.image_size)
+        raise ValueError(
+            f"kappa1 = {self.kappa1:g} mm^-2 distorts the picture so strongly that OpenCV's model is up to {error:.2g} px "
+            f"off; the limit is {OPENCV_LIMIT:g} px"
+        )
+
+    def _radii(self):
+        """Distorted radii, mm, from the principal point to the farthest corner of the picture."""
         width, height = self.image_size
         corners = self.to_sensor([(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
+        farthest = np.hypot(*corners.T).max()
         limit = np.inf if self.kappa1 >= 0 else 1 / np.sqrt(-3 * self.kappa1)
-        if np.hypot(*corners.T).max() >= limit:
+        if farthest >= limit:
             raise ValueError(
                 f"kappa1 = {self.kappa1:g} mm^-2 folds the picture at {limit:g} mm from its centre; "
                 "no OpenCV model describes that"
             )
-        chebyshev = np.sin(np.linspace(0, np.pi / 2, 200))  # denser towards the corner, where errors grow
-        distorted = np.hypot(*corners.T).max() * chebyshev[1:]
-        normalized = distorted * (1 + self.kappa1 * distorted**2) / self.focal_length
-        powers = np.column_stack([normalized**3, normalized**5, normalized**7])
-        scale = np.linalg.norm(powers, axis=0)
-        fitted = np.linalg.lstsq(powers / scale, distorted / self.focal_length - normalized, rcond=None)[0] / scale
-        camera_matrix = np.diag([*(self.focal_length * self.pixels_per_mm), 1.0])
-        camera_matrix[:2, 2] = self.principal_point
-        return OpenCVCamera(camera_matrix, np.array([fitted[0], fitted[1], 0, 0, fitted[2]]), self.image_size)
+        return farthest * np.sin(np.linspace(0, np.pi / 2, 400))[1:]  # denser towards the corner, where errors grow
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,6 +333,28 @@ class OpenCVCamera(_Camera):
         zero = np.zeros(3)
         image_points, jacobian = cv2.projectPoints(points, zero, zero, self.camera_matrix, self.dist_coeffs)[:2]
         return image_points.reshape(-1, 2), jacobian[:, 3:5].reshape(-1, 2, 2)
+
+
+def _fit_ratio(radius, target, terms):
+    """Coefficients (3,) above and (terms,) below of `_ratio`, so that radius * ratio is nearest to a target.
+
+    Least squares of radius * above - target * below is linear; weights of 1 / below make it that of the ratio itself.
+    """
+    powers = np.column_stack([radius**2, radius**4, radius**6])
+    columns = np.column_stack([radius[:, None] * powers, -target[:, None] * powers[:, :terms]])
+    scale, below = np.linalg.norm(columns, axis=0), np.zeros(terms)
+    for _ in range(RATIO_ROUNDS if terms else 1):
+        weight = 1 / (1 + powers[:, :terms] @ below)
+        rows = columns / scale * weight[:, None]
+        fitted = np.linalg.lstsq(rows, (target - radius) * weight, rcond=None)[0] / scale
+        above, below = fitted[:3], fitted[3:]
+    return above, below
+
+
+def _ratio(radius, above, below):
+    """(1 + a1 r^2 + a2 r^4 + a3 r^6) / (1 + b1 r^2 + ...)."""
+    powers = np.column_stack([radius**2, radius**4, radius**6])
+    return (1 + powers @ above) / (1 + powers[:, : len(below)] @ below)
 
 
 def _solve_2x2(matrices, vectors):

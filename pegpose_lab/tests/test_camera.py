@@ -1,5 +1,8 @@
 """Camera models: both ways exact, and in agreement with OpenCV."""
 
+import re
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +12,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import OpenCVCamera, TsaiCamera
-from pegpose_lab.camera import distort_radius, max_undistorted_radius
+from pegpose_lab.camera import OPENCV_LIMIT, OPENCV_PLAIN, distort_radius, max_undistorted_radius
 from pegpose_lab.experiment import paper_camera, paper_pose
 
 POSE = RigidTransform.from_components([10.0, -20.0, 400.0], Rotation.from_euler("xyz", [12, -7, 30], degrees=True))
@@ -75,6 +78,29 @@ def test_opencv_model_agrees_over_the_picture():
     points = camera.back_project(pixels, paper_pose())
     assert np.abs(converted.project(points, paper_pose()) - camera.project(points, paper_pose())).max() < 1e-4
     assert np.abs(converted.back_project(pixels, paper_pose()) - points).max() < 1e-4
+
+
+@pytest.mark.parametrize("kappa1", [1.1e-5, -1e-4, -2e-4, 1e-4, 5e-4, -1e-3, 1e-3, 5e-3, 0.05])
+@pytest.mark.parametrize("change", [{}, {"principal_point": (500.0, 700.0), "scale_x": 1.04}])
+def test_opencv_model_agrees_or_is_refused(kappa1, change):
+    """Within the stated limit over the picture, and back; what OpenCV cannot describe is refused in words."""
+    camera = replace(paper_camera(), kappa1=kappa1, **change)
+    try:
+        converted = camera.to_opencv()
+    except ValueError as error:
+        assert abs(kappa1) > 1e-4 and re.search(r"folds|px off; the limit is 0\.05 px", str(error))
+        return
+    pixels = pixel_grid(camera)
+    directions = camera.to_normalized(pixels)
+    error = np.abs(converted.from_normalized(directions) - pixels).max()
+    assert error <= (OPENCV_PLAIN if converted.dist_coeffs.size == 5 else OPENCV_LIMIT)
+    if kappa1 > 0:  # of a picture that almost folds, Newton's method may find the far side
+        assert np.abs(camera.from_normalized(converted.to_normalized(pixels)) - pixels).max() <= 2 * OPENCV_LIMIT
+
+
+def test_weak_distortion_is_refused_by_no_one():
+    for kappa1 in (0.0, 5e-5, -5e-5, -1e-4, 1e-4, 5e-4):
+        assert replace(paper_camera(), kappa1=kappa1).to_opencv().dist_coeffs.size in (5, 8)
 
 
 def test_opencv_camera_is_opencv():
