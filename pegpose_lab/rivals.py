@@ -6,6 +6,7 @@ the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photo
 
 import time
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -19,10 +20,10 @@ from .calibration import Calibration
 from .camera import TsaiCamera
 from .checks import CalibrationError
 from .corners import find_corners
-from .joint import board_pose, calibrate_dlt, calibrate_joint
+from .joint import calibrate_dlt, calibrate_joint
 from .results import replacing
 from .two_stage import BOX, TwoStageObjective, calibrate_genetic, calibrate_tsai, optimum_in_box
-from .validation import leave_one_out
+from .validation import held_out_distances, leave_one_out
 from .zhang import calibrate_zhang
 
 COMMAND = "python3 -m pegpose_lab.rivals"
@@ -137,9 +138,10 @@ def compare(object_points, image_points, camera, *, truth=None, rng=0):
     -------
     DataFrame
         A row for each method: E (Eq. 7), rms, sd_x and sd_y (px) on view 1; f (mm); f_error (%) and T_z_error (mm) if the
-        truth is given; held_out (px), the mean E of the other views when only their pose is fitted through the
-        camera, or, for those that saw all views, of each view left out in turn; evaluations of the objective (NaN
-        where there is no such thing); ms of processor time, stage 1 included where the method starts from it.
+        truth is given; held_out (px), the mean E of views 2, 3, ... when only their pose is fitted through a camera that
+        has not seen them: that of view 1, or, of the methods for all views, that of all views but the one judged; evaluations
+        of the objective (NaN where there is no such thing); ms of processor time, stage 1 included where the method
+        starts from it.
     """
     views, rows = list(zip(object_points, image_points, strict=True)), []
     for name, (method, shared) in _METHODS.items():
@@ -165,15 +167,28 @@ def search(name, object_points, image_points, camera, rng):
 
 
 class _Setting:
-    """One view, its stage 1 and Eq. 7 over the box, counted."""
+    """One view, and what the methods for it start from: stage 1 and Eq. 7 over the box, made when first asked for."""
 
     def __init__(self, object_points, image_points, camera, rng):
         self.view, self.rng = (object_points, image_points, camera), rng
-        self.linear = calibrate_tsai(object_points, image_points, camera)
-        self.objective = TwoStageObjective(object_points, image_points, self.linear)
-        centre = np.array([self.linear.camera.focal_length, self.linear.cam_from_object[0].translation[2]])
-        self.bounds = np.column_stack([(1 - BOX) * centre, (1 + BOX) * centre])
-        self.centre = centre
+
+    @cached_property
+    def linear(self):
+        return calibrate_tsai(*self.view)
+
+    @cached_property
+    def objective(self):
+        return TwoStageObjective(*self.view[:2], self.linear)
+
+    @cached_property
+    def centre(self):
+        """f and T_z of stage 1, mm."""
+        return np.array([self.linear.camera.focal_length, self.linear.cam_from_object[0].translation[2]])
+
+    @cached_property
+    def bounds(self):
+        """Of f and of T_z, (2, 2), mm."""
+        return np.column_stack([(1 - BOX) * self.centre, (1 + BOX) * self.centre])
 
     def result(self, chromosome, kappa1=None):
         """The calibration with (f, T_z); kappa1 by Eq. 6 if it is not given."""
@@ -284,18 +299,17 @@ def _measures(found, views, truth, pitch):
 
 
 def _held_out(found, method, shared, views, camera):
-    """Mean E of views that the method did not see."""
+    """Mean E of views 2, 3, ... by cameras that did not see them."""
     if not shared:
-        return np.mean([_pose_error(found.camera, *view) for view in views[1:]])
+        return np.mean([_unseen_E(found.camera, *view) for view in views[1:]])
     left_out = leave_one_out(lambda *others: method(list(zip(*others, strict=True)), camera)[0], *zip(*views, strict=True))
-    return left_out["mean_distance"].mean()
+    return left_out["mean_distance"].iloc[1:].mean()
 
 
-def _pose_error(camera, object_points, image_points):
+def _unseen_E(camera, object_points, image_points):
     """E of one view when only its pose is fitted; NaN if the camera gives it no pose."""
     try:
-        pose = board_pose(object_points, image_points, camera)
-        return float(np.hypot(*(camera.project(object_points, pose) - image_points).T).mean())
+        return float(held_out_distances(camera, object_points, image_points).mean())
     except (CalibrationError, ValueError):
         return np.nan
 

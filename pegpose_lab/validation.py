@@ -13,6 +13,33 @@ from .joint import board_pose
 LEAST_IN_RING = 5
 
 
+def held_out_distances(camera, object_points, image_points):
+    """How far a view that a camera was not made from is from its projection when only the view's pose is fitted.
+
+    Parameters
+    ----------
+    camera : TsaiCamera or OpenCVCamera
+    object_points : (n, 3) array_like
+        mm, n >= 4.
+    image_points : (n, 2) array_like
+        px.
+
+    Returns
+    -------
+    (n,) ndarray
+        px.
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable, or a point has no image by this camera.
+    CalibrationError
+        If no pose is found.
+    """
+    pose = board_pose(object_points, image_points, camera)
+    return np.hypot(*(camera.project(object_points, pose) - image_points).T)
+
+
 def leave_one_out(calibrate, object_points, image_points):
     """Calibrate without each view in turn, and fit that view's pose alone through the camera of the others.
 
@@ -45,10 +72,9 @@ def leave_one_out(calibrate, object_points, image_points):
     for left_out in range(len(object_points)):
         others = [[view for k, view in enumerate(views) if k != left_out] for views in (object_points, image_points)]
         camera = calibrate(*others).camera
-        pose = board_pose(object_points[left_out], image_points[left_out], camera)
-        residuals = camera.project(object_points[left_out], pose) - image_points[left_out]
+        distances = held_out_distances(camera, object_points[left_out], image_points[left_out])
         f = camera.camera_matrix[0, 0] if isinstance(camera, OpenCVCamera) else camera.focal_length
-        rows.append((np.sqrt(np.mean(np.sum(residuals**2, axis=1))), np.hypot(*residuals.T).mean(), f))
+        rows.append((np.sqrt(np.mean(distances**2)), distances.mean(), f))
     return pd.DataFrame(rows, columns=["rms", "mean_distance", "focal_length"])
 
 
@@ -67,17 +93,23 @@ def coverage(image_points, image_size, cells=(8, 6)):
     Returns
     -------
     (rows, columns) int ndarray
+        Its sum is less than the number of points if some lie outside the picture.
 
     Raises
     ------
     ValueError
-        If the input is unusable.
+        If the input is unusable, or all points lie outside the picture.
     """
-    columns, rows = (int(as_number(count, "cells", 1)) for count in cells)
+    if np.shape(cells) != (2,) or len(image_points) == 0:
+        raise ValueError(f"cells is {cells} and image_points has {len(image_points)} views; expected two and at least one")
+    columns, rows = (_as_whole(count, "cells", 1) for count in cells)
     width, height = (as_number(length, "image_size", 1) for length in image_size)
     points = np.concatenate([as_points(view, 2, "image_points") for view in image_points])
     edges = np.linspace(-0.5, height - 0.5, rows + 1), np.linspace(-0.5, width - 0.5, columns + 1)
-    return np.histogram2d(points[:, 1], points[:, 0], edges)[0].astype(int)
+    counts = np.histogram2d(points[:, 1], points[:, 0], edges)[0].astype(int)
+    if counts.sum() == 0:
+        raise ValueError(f"image_points: all {len(points)} lie outside the picture of {width:g} x {height:g} px")
+    return counts
 
 
 def radial_profile(calibration, image_points, rings=8):
@@ -100,8 +132,12 @@ def radial_profile(calibration, image_points, rings=8):
     Raises
     ------
     ValueError
-        If there are fewer than `LEAST_IN_RING` points in a ring, or other points than residuals.
+        If there are fewer than `LEAST_IN_RING` points in a ring, so also where many have one radius, or other points
+        than residuals.
     """
+    rings = _as_whole(rings, "rings", 1)
+    if not calibration.residuals:
+        raise ValueError("calibration has no residuals; it was read from a file that keeps the camera only")
     points, residuals = (np.concatenate(views) for views in (image_points, calibration.residuals))
     if len(points) != len(residuals) or len(points) < LEAST_IN_RING * rings:
         raise ValueError(
@@ -114,6 +150,9 @@ def radial_profile(calibration, image_points, rings=8):
     radius = np.hypot(*arms.T)
     along = np.sum(arms * residuals, axis=1) / np.maximum(radius, 1e-9)
     edges = np.quantile(radius, np.linspace(0, 1, rings + 1))
+    counts = np.histogram(radius, edges)[0] if np.all(np.diff(edges) > 1e-9) else np.zeros(rings)
+    if counts.min() < LEAST_IN_RING:
+        raise ValueError(f"image_points lie on too few radii for rings = {rings}; expected fewer rings or more places")
     statistics = {
         "radius": binned_statistic(radius, radius, "mean", edges)[0],
         "residual": binned_statistic(radius, along, "mean", edges)[0],
@@ -157,6 +196,13 @@ def sensitivity(calibrate, object_points, images):
         moved = (values - first[0]) / first[1]
         rows[name] = {"rms": found.rms, **dict(zip(names, values)), **{f"{n} moved": m for n, m in zip(names, moved)}}
     return pd.DataFrame(rows).T.rename_axis("detector").reset_index()
+
+
+def _as_whole(value, name, minimum):
+    number = as_number(value, name, minimum)
+    if number != int(number):
+        raise ValueError(f"{name} is {number:g}; expected whole numbers")
+    return int(number)
 
 
 def _parameter(camera, name):

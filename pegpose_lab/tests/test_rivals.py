@@ -4,8 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pegpose_lab import optimum_in_box, rivals
+from pegpose_lab import calibrate_joint, calibrate_tsai, optimum_in_box, rivals
 from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.validation import leave_one_out
 
 TRUTH = paper_experiment()
 BOARD = TRUTH.board.object_points
@@ -36,6 +37,28 @@ def test_measures_are_those_of_the_first_view_and_of_the_others(table):
     assert found["held_out"].idxmin() in ("joint", "Zhang (OpenCV), k1")
     assert abs(found.loc["joint", "f_error"]) < 0.2 and abs(found.loc["Zhang (OpenCV), k1", "f_error"]) < 0.2
     assert found["held_out"].notna().all() and (found["ms"] >= 0).all()
+
+
+def test_all_methods_are_held_out_on_the_same_views():
+    rng = np.random.default_rng(2)
+    images = [TRUTH.camera.project(BOARD, pose) + 0.1 * rng.standard_normal((48, 2)) for pose in TRUTH.cam_from_boards]
+    images[0] += 5 * rng.standard_normal((48, 2))  # a bad first view is judged by no method
+    found = rivals.compare([BOARD] * 5, images, TRUTH.camera).set_index("method")["held_out"]
+    rows = leave_one_out(lambda *views: calibrate_joint(*views, TRUTH.camera), [BOARD] * 5, images)["mean_distance"]
+    assert rows[0] > 3 and found["joint"] == pytest.approx(rows[1:].mean(), rel=1e-9)
+
+
+def test_stage_1_is_run_only_where_a_method_starts_from_it(monkeypatch):
+    image = TRUTH.camera.project(BOARD, TRUTH.cam_from_boards[0])
+    calls = []
+    monkeypatch.setattr(rivals, "calibrate_tsai", lambda *view: calls.append(1) or calibrate_tsai(*view))
+    for name, times in (
+        ("direct linear transform", 0), ("least squares of one view", 0), (rivals.GENETIC, 0), ("linear only", 1),
+        (rivals.DIFFERENTIAL_EVOLUTION, 1),
+    ):
+        calls.clear()
+        rivals.search(name, BOARD, image, TRUTH.camera, 0)
+        assert len(calls) == times, name
 
 
 def test_without_a_truth_there_are_no_errors():

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pegpose_lab import calibrate_joint, calibrate_zhang
+from pegpose_lab import Calibration, calibrate_joint, calibrate_zhang
 from pegpose_lab.experiment import paper_experiment, trial_poses
-from pegpose_lab.validation import coverage, leave_one_out, radial_profile, sensitivity
+from pegpose_lab.validation import coverage, held_out_distances, leave_one_out, radial_profile, sensitivity
 
 TRUTH = paper_experiment()
 CAMERA, BOARD = TRUTH.camera, TRUTH.board.object_points
@@ -34,8 +34,39 @@ def test_coverage_counts_corners_by_cells():
     corners = [np.array([[0.0, 0.0], [99.0, 0.0], [99.4, 79.4]]), np.array([[10.0, 70.0]])]
     assert coverage(corners, (100, 80), (2, 2)).tolist() == [[1, 1], [1, 1]]
     assert coverage(views(0.1)[1], CAMERA.image_size).sum() == 480
-    with pytest.raises(ValueError, match="cells"):
-        coverage(corners, (100, 80), (0, 2))
+    outside = [np.array([[-0.6, 3.0], [50.0, 3.0], [50.0, 79.6]])]
+    assert coverage(outside, (100, 80), (2, 2)).tolist() == [[0, 1], [0, 0]]
+    with pytest.raises(ValueError, match="all 1 lie outside"):
+        coverage([outside[0][:1]], (100, 80), (2, 2))
+    for cells in ((0, 2), (2.5, 2), (2, 2, 2), 3):
+        with pytest.raises(ValueError, match="cells"):
+            coverage(corners, (100, 80), cells)
+    with pytest.raises(ValueError, match="image_points"):
+        coverage([], (100, 80))
+
+
+def test_rings_that_are_not_filled_are_refused():
+    points, images = views(0.1)
+    found = joint(points, images)
+    for rings in (0, 2.5, -1, 200):
+        with pytest.raises(ValueError, match="rings"):
+            radial_profile(found, images, rings)
+    angles = np.linspace(0, 2 * np.pi, 50)
+    circle = found.camera.principal_point + 100 * np.column_stack([np.cos(angles), np.sin(angles)])
+    squares = np.tile([[sx * 100.0, sy * 100.0] for sx in (1, -1) for sy in (1, -1)], (20, 1))
+    for places in (circle, found.camera.principal_point + squares):
+        one = Calibration(found.camera, found.cam_from_object[:1], [np.zeros_like(places)])
+        with pytest.raises(ValueError, match="radii"):
+            radial_profile(one, [places])
+    with pytest.raises(ValueError, match="no residuals"):
+        radial_profile(Calibration(found.camera, [], []), images)
+
+
+def test_a_view_through_the_true_camera_is_the_noise_away():
+    points, images = views(0.1)
+    distances = np.concatenate([held_out_distances(CAMERA, *view) for view in zip(points, images)])
+    assert distances.shape == (480,) and np.sqrt(np.mean(distances**2)) == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
+    assert held_out_distances(CAMERA, BOARD, CAMERA.project(BOARD, POSES[0])).max() < 1e-9
 
 
 def test_radial_profile_is_flat_for_the_right_model_and_bent_for_a_wrong_one():
