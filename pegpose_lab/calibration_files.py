@@ -3,6 +3,9 @@
 Only numbers and text are read from either, and nothing in a file is executed.
 """
 
+import re
+from urllib.parse import quote, unquote
+
 import cv2
 import numpy as np
 import pandas as pd
@@ -16,6 +19,12 @@ from .results import replacing
 FILE_FORMAT = "pegpose_lab calibration 1"
 ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
 """ROS's names for OpenCV's distortion, by the number of coefficients."""
+
+UNSAFE = re.compile(r"""%(?=[0-9A-Fa-f]{2}|\Z)|[^ -~]|["\\]|\A[ ']| \Z""")
+"""What FileStorage's texts do not bring back, or would be read as an escape: it is written as %XX."""
+
+LONGEST_TEXT = 1000
+"""FileStorage's texts end at 4096 characters; longer ones are cut into pieces, each but the last with % at its end."""
 
 
 def write_calibration(path, calibration, form):
@@ -32,9 +41,9 @@ def read_calibration(path):
     with open(path, encoding="utf-8", errors="replace") as file:
         text = file.read()
     try:
-        return _from_nodes(_Nodes(text)) if text.startswith("%YAML") else _from_camera_info(text)
-    except (cv2.error, yaml.YAMLError, SystemError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path} is not a calibration that Calibration.save wrote: {error}") from error
+        return _from_storage(_Nodes(text)) if text.startswith("%YAML") else _from_camera_info(text)
+    except (cv2.error, yaml.YAMLError, SystemError, RecursionError, KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} is not a calibration that Calibration.save, OpenCV or ROS wrote: {error}") from error
 
 
 def _as_camera_info(camera):
@@ -71,8 +80,12 @@ def _from_camera_info(text):
     info = yaml.safe_load(text)
     if not isinstance(info, dict) or info.get("distortion_model") not in ROS_MODELS.values():
         raise KeyError("it is neither an OpenCV FileStorage nor a ROS camera_info of a known distortion_model")
-    matrices = [np.array(info[name]["data"], dtype=float) for name in ("camera_matrix", "distortion_coefficients")]
-    camera = OpenCVCamera(matrices[0].reshape(3, 3), matrices[1], (info["image_width"], info["image_height"]))
+    matrix, coefficients = (
+        np.array(info[name]["data"], dtype=float) for name in ("camera_matrix", "distortion_coefficients")
+    )
+    if info["distortion_model"] != ROS_MODELS.get(max(coefficients.size, 5)):  # a plumb_bob may lack k3
+        raise ValueError(f"distortion_model is {info['distortion_model']} with {coefficients.size} coefficients")
+    camera = OpenCVCamera(matrix.reshape(3, 3), coefficients, (info["image_width"], info["image_height"]))
     return {"camera": camera, "cam_from_object": [], "residuals": []}
 
 
@@ -100,16 +113,41 @@ def _as_nodes(calibration):
             camera = None
     if camera is not None:
         nodes |= {"camera_matrix": camera.camera_matrix, "distortion_coefficients": camera.dist_coeffs[None]}
-    vectors = [np.concatenate([pose.rotation.as_rotvec(), pose.translation]) for pose in poses]
-    nodes |= {"extrinsic_parameters": np.array(vectors), "avg_reprojection_error": calibration.rms}
-    nodes["points_per_view"] = np.array([[float(len(residuals)) for residuals in calibration.residuals]])
-    nodes["residuals"] = np.concatenate(calibration.residuals)
-    nodes["flags"] = list(calibration.flags)
+    if poses:
+        vectors = [np.concatenate([pose.rotation.as_rotvec(), pose.translation]) for pose in poses]
+        nodes["extrinsic_parameters"] = np.array(vectors)
+    if calibration.residuals:
+        nodes["avg_reprojection_error"] = calibration.rms
+        nodes["points_per_view"] = np.array([[float(len(residuals)) for residuals in calibration.residuals]])
+        nodes["residuals"] = np.concatenate(calibration.residuals)
+    nodes["flags"] = list(_as_texts(calibration.flags))
     for name in ("history", "covariance"):
         table = getattr(calibration, name)
         if table is not None:
             nodes |= {f"{name}_columns": list(table.columns), name: table.to_numpy(np.float64)}
     return nodes
+
+
+def _as_texts(flags):
+    """Flags as texts that FileStorage brings back (see `UNSAFE` and `LONGEST_TEXT`)."""
+    for flag in flags:
+        text = UNSAFE.sub(lambda found: quote(found[0], safe="", errors="surrogatepass"), flag)
+        while len(text) > LONGEST_TEXT:
+            yield text[:LONGEST_TEXT] + "%"
+            text = text[LONGEST_TEXT:]
+        yield text
+
+
+def _from_texts(texts):
+    """The flags that `_as_texts` wrote."""
+    flags, begun = [], ""
+    for text in texts:
+        if text.endswith("%"):
+            begun += text[:-1]
+        else:
+            flags.append(unquote(begun + text, errors="surrogatepass"))
+            begun = ""
+    return tuple(flags)
 
 
 class _Nodes:
@@ -148,37 +186,66 @@ class _Nodes:
         return pd.DataFrame(self.matrix(name, len(columns)), columns=list(columns))
 
 
+def _from_storage(nodes):
+    """The fields of the `Calibration` of a FileStorage: ours, or OpenCV's own, which gives the camera."""
+    if "format" in nodes or "camera_model" in nodes or "camera_matrix" not in nodes:
+        return _from_nodes(nodes)
+    if "fisheye_model" in nodes and nodes.number("fisheye_model") != 0:
+        raise ValueError("it is of a fisheye camera")
+    return {"camera": _opencv_camera(nodes), "cam_from_object": [], "residuals": []}
+
+
+def _opencv_camera(nodes):
+    coefficients = nodes.matrix("distortion_coefficients", None)
+    if 1 not in coefficients.shape:
+        raise ValueError(f"distortion_coefficients has shape {coefficients.shape}; expected a row or a column")
+    size = nodes.number("image_width"), nodes.number("image_height")
+    return OpenCVCamera(nodes.matrix("camera_matrix", 3), coefficients.ravel(), size)
+
+
+def _tsai_camera(nodes):
+    numbers = {name: nodes.number(name) for name in ("focal_length", "kappa1", "scale_x")}
+    pairs = {name: tuple(nodes.matrix(name, 2)[0]) for name in ("pixel_pitch", "principal_point")}
+    return TsaiCamera(image_size=(nodes.number("image_width"), nodes.number("image_height")), **numbers, **pairs)
+
+
 def _from_nodes(nodes):
     """The fields of the `Calibration` of a file."""
     if nodes.text("format") != FILE_FORMAT:
         raise ValueError(f"format is {nodes.text('format')!r}; expected {FILE_FORMAT!r}")
-    size = nodes.number("image_width"), nodes.number("image_height")
+    cameras = {TsaiCamera.__name__: _tsai_camera, OpenCVCamera.__name__: _opencv_camera}
     model = nodes.text("camera_model")
-    if model not in (TsaiCamera.__name__, OpenCVCamera.__name__):
+    if model not in cameras:
         raise KeyError(f"camera_model is {model!r}")
-    if model == TsaiCamera.__name__:
-        numbers = {name: nodes.number(name) for name in ("focal_length", "kappa1", "scale_x")}
-        pairs = {name: tuple(nodes.matrix(name, 2)[0]) for name in ("pixel_pitch", "principal_point")}
-        camera = TsaiCamera(image_size=size, **numbers, **pairs)
-    else:
-        coefficients = nodes.matrix("distortion_coefficients", None)[0]
-        camera = OpenCVCamera(nodes.matrix("camera_matrix", 3), coefficients, size)
-    poses = [
-        RigidTransform.from_components(row[3:], Rotation.from_rotvec(row[:3]))
-        for row in nodes.matrix("extrinsic_parameters", 6)
-    ]
-    ends = np.cumsum(nodes.matrix("points_per_view", len(poses))[0]).astype(int)
-    residuals = np.split(nodes.matrix("residuals", 2), ends[:-1])
+    poses = _poses(nodes) if "extrinsic_parameters" in nodes else []
     history, covariance = nodes.table("history"), nodes.table("covariance")
     if history is not None:
         history = history.astype({"generation": int, "evaluations": int})
     if covariance is not None:
         covariance.index = covariance.columns
     return {
-        "camera": camera,
+        "camera": cameras[model](nodes),
         "cam_from_object": poses,
-        "residuals": residuals,
-        "flags": nodes.texts("flags"),
+        "residuals": _residuals(nodes, len(poses)) if "residuals" in nodes or "points_per_view" in nodes else [],
+        "flags": _from_texts(nodes.texts("flags")),
         "history": history,
         "covariance": covariance,
     }
+
+
+def _poses(nodes):
+    return [
+        RigidTransform.from_components(row[3:], Rotation.from_rotvec(row[:3]))
+        for row in nodes.matrix("extrinsic_parameters", 6)
+    ]
+
+
+def _residuals(nodes, views):
+    """The residuals, an array a view; ValueError if they are not as many as points_per_view says."""
+    counts, residuals = nodes.matrix("points_per_view", None), nodes.matrix("residuals", 2)
+    whole = np.all(counts >= 1) and np.all(counts == np.round(counts))
+    if counts.shape != (1, views) or not whole or counts.sum() != len(residuals):
+        raise ValueError(
+            f"points_per_view is {counts.tolist()}; expected {views} whole numbers with the sum {len(residuals)}"
+        )
+    return np.split(residuals, np.cumsum(counts[0]).astype(int)[:-1])

@@ -586,6 +586,67 @@ def test_saved_calibrations_come_back(tmp_path, method):
     assert [path.name for path in tmp_path.iterdir()] == ["camera.yml"]
 
 
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ("trail ", " lead", " ", "", "  "), ("a" * 5000, "b"), ("95 % interval", "100%", "%25", "%", "%%", "50 %ab"),
+        ('He said: "no"', '"', "a\\", "'", "it's"), ("line 1\nline 2", "tab\t", "\x00", "\x1b"), ("ünï €", "\udc80"),
+        ("- a", "~", "12", "# no", "%YAML", "[1, 2]", "a: b", "!!x"), (("é %" * 1500), " " * 2500, "%" * 1200),
+    ],
+)
+def test_any_flag_comes_back(tmp_path, flags):
+    Calibration(CAMERA, [paper_pose()], [np.ones((3, 2))], flags).save(tmp_path / "camera.yml")
+    assert Calibration.load(tmp_path / "camera.yml").flags == flags
+
+
+def test_what_there_is_of_a_calibration_is_saved(tmp_path):
+    """A camera alone, as a ROS file gives it, and poses without residuals."""
+    calibrate_tsai(*view(), CAMERA).save(tmp_path / "camera.yaml", form="ros")
+    Calibration.load(tmp_path / "camera.yaml").save(tmp_path / "camera.yml")
+    again = Calibration.load(tmp_path / "camera.yml")
+    assert again.residuals == [] and again.cam_from_object == [] and again.camera.image_size == CAMERA.image_size
+    Calibration(CAMERA, [paper_pose()], []).save(tmp_path / "camera.yml")
+    again = Calibration.load(tmp_path / "camera.yml")
+    assert again.cam_from_object[0].as_matrix() == pytest.approx(paper_pose().as_matrix()) and again.residuals == []
+
+
+def test_opencvs_own_calibration_files_give_the_camera(tmp_path, pegpose_data):
+    found = Calibration.load(pegpose_data / "opencv_left" / "left_intrinsics.yml")
+    assert found.camera.image_size == (640, 480) and found.residuals == [] and found.flags == ()
+    assert found.camera.camera_matrix[:2, 2] == pytest.approx([342.28315473308373, 235.57082909788173], rel=1e-15)
+    assert found.camera.dist_coeffs[[0, 4]] == pytest.approx([-0.26637260909660682, 0.23839153080878486], rel=1e-15)
+    text = (pegpose_data / "opencv_left" / "left_intrinsics.yml").read_text()
+    for old, new in (("flags: 2", "fisheye_model: 1"), ("image_width: 640", "image_width: 640.5"), ("cols: 1", "cols: 2")):
+        (tmp_path / "bad.yml").write_text(text.replace(old, new, 1))
+        with pytest.raises(ValueError, match=r"bad\.yml"):
+            Calibration.load(tmp_path / "bad.yml")
+
+
+@pytest.mark.parametrize("count", [3, 4, 5, 8, 12])
+@pytest.mark.parametrize("model", ["plumb_bob", "rational_polynomial"])
+def test_ros_models_have_their_number_of_coefficients(tmp_path, model, count):
+    calibrate_tsai(*view(), CAMERA).save(tmp_path / "camera.yaml", form="ros")
+    info = yaml.safe_load((tmp_path / "camera.yaml").read_text())
+    info |= {"distortion_model": model, "distortion_coefficients": {"rows": 1, "cols": count, "data": [0.0] * count}}
+    (tmp_path / "camera.yaml").write_text(yaml.safe_dump(info))
+    if (model, count) in (("plumb_bob", 4), ("plumb_bob", 5), ("rational_polynomial", 8)):
+        assert Calibration.load(tmp_path / "camera.yaml").camera.dist_coeffs.size == count
+    else:
+        with pytest.raises(ValueError, match=r"camera\.yaml"):
+            Calibration.load(tmp_path / "camera.yaml")
+
+
+@pytest.mark.parametrize("counts", ["-3., 99.", "1e9, 48.", "47.5, 48.5", "0., 96.", "48., 47.", "96."])
+def test_a_wrong_number_of_points_is_refused(tmp_path, counts):
+    Calibration(CAMERA, [paper_pose()] * 2, [np.ones((48, 2))] * 2).save(tmp_path / "camera.yml")
+    text = (tmp_path / "camera.yml").read_text()
+    assert "data: [ 48., 48. ]" in text
+    text = text.replace("data: [ 48., 48. ]", f"data: [ {counts} ]")
+    (tmp_path / "bad.yml").write_text(text.replace("cols: 2\n   dt: d\n   data: [ 96", "cols: 1\n   dt: d\n   data: [ 96"))
+    with pytest.raises(ValueError, match=r"bad\.yml"):
+        Calibration.load(tmp_path / "bad.yml")
+
+
 def test_opencv_can_read_a_saved_camera(tmp_path):
     run = calibrate_genetic(*view(), CAMERA, rng=0)
     run.save(tmp_path / "camera.yml")
@@ -652,6 +713,8 @@ def test_an_interrupted_save_leaves_the_old_file(tmp_path, monkeypatch):
         "%YAML:1.0\n---\nformat: other\n",
         "\0\1\2",
         "!!python/object/apply:os.system",
+        "[" * 3000,
+        "%YAML:1.0\n---\nformat: " + "[" * 3000,
     ],
 )
 def test_files_that_are_no_calibration_are_refused(tmp_path, text):
