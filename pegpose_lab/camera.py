@@ -249,8 +249,8 @@ class TsaiCamera(_Camera):
                 camera_matrix[:2, 2] = self.principal_point
                 return OpenCVCamera(camera_matrix, [*above[:2], 0, 0, above[2], *below], self.image_size)
         raise ValueError(
-            f"kappa1 = {self.kappa1:g} mm^-2 distorts the picture so strongly that OpenCV's model is up to {error:.2g} px "
-            f"off; the limit is {OPENCV_LIMIT:g} px"
+            f"kappa1 = {self.kappa1:g} mm^-2 distorts the picture so strongly that OpenCV's model is up to "
+            f"{error:.2g} px off; the limit is {OPENCV_LIMIT:g} px"
         )
 
     def _radii(self):

@@ -362,8 +362,9 @@ def _finished(path):
         lines = list(csv.reader(io.StringIO(text, newline="")))
     except csv.Error as error:
         raise ValueError(f"path {path} is not a CSV file: {error}") from error
-    if not lines or lines[0] != _COLUMNS:
-        raise ValueError(f"path {path} has columns {', '.join(lines[0] if lines else [])}; expected {', '.join(_COLUMNS)}")
+    columns = lines[0] if lines else []
+    if columns != _COLUMNS:
+        raise ValueError(f"path {path} has columns {', '.join(columns)}; expected {', '.join(_COLUMNS)}")
     whole = lines[1:] if text.endswith("\n") else lines[1:-1]  # a line that was cut may look like a whole one
     rows = [row for row in map(_as_row, whole) if row is not None]
     return _as_table(rows).drop_duplicates([*_KEY], ignore_index=True)

@@ -138,10 +138,10 @@ def compare(object_points, image_points, camera, *, truth=None, rng=0):
     -------
     DataFrame
         A row for each method: E (Eq. 7), rms, sd_x and sd_y (px) on view 1; f (mm); f_error (%) and T_z_error (mm) if the
-        truth is given; held_out (px), the mean E of views 2, 3, ... when only their pose is fitted through a camera that
-        has not seen them: that of view 1, or, of the methods for all views, that of all views but the one judged; evaluations
-        of the objective (NaN where there is no such thing); ms of processor time, stage 1 included where the method
-        starts from it.
+        truth is given; held_out (px), the mean E of views 2, 3, ... when only their pose is fitted through a
+        camera that has not seen them: that of view 1, or, of the methods for all views, that of all views but the
+        one judged; evaluations of the objective (NaN where there is no such thing); ms of processor time, stage 1
+        included where the method starts from it.
     """
     views, rows = list(zip(object_points, image_points, strict=True)), []
     for name, (method, shared) in _METHODS.items():
@@ -301,12 +301,12 @@ def _measures(found, views, truth, pitch):
 def _held_out(found, method, shared, views, camera):
     """Mean E of views 2, 3, ... by cameras that did not see them."""
     if not shared:
-        return np.mean([_unseen_E(found.camera, *view) for view in views[1:]])
+        return np.mean([_unseen_error(found.camera, *view) for view in views[1:]])
     left_out = leave_one_out(lambda *others: method(list(zip(*others, strict=True)), camera)[0], *zip(*views, strict=True))
     return left_out["mean_distance"].iloc[1:].mean()
 
 
-def _unseen_E(camera, object_points, image_points):
+def _unseen_error(camera, object_points, image_points):
     """E of one view when only its pose is fitted; NaN if the camera gives it no pose."""
     try:
         return float(held_out_distances(camera, object_points, image_points).mean())

@@ -100,8 +100,10 @@ def coverage(image_points, image_size, cells=(8, 6)):
     ValueError
         If the input is unusable, or all points lie outside the picture.
     """
-    if np.shape(cells) != (2,) or len(image_points) == 0:
-        raise ValueError(f"cells is {cells} and image_points has {len(image_points)} views; expected two and at least one")
+    if np.shape(cells) != (2,):
+        raise ValueError(f"cells is {cells}; expected two whole numbers, columns and rows")
+    if len(image_points) == 0:
+        raise ValueError("image_points has no views; expected at least one")
     columns, rows = (_as_whole(count, "cells", 1) for count in cells)
     width, height = (as_number(length, "image_size", 1) for length in image_size)
     points = np.concatenate([as_points(view, 2, "image_points") for view in image_points])
