@@ -94,6 +94,7 @@ _HOME = {
     "calibrate_joint": "joint",
     "calibrate_dlt": "joint",
     "profile_focal_length": "joint",
+    "weakest_direction": "joint",
     "board_pose": "joint",
     "HubPose": "pose",
     "estimate_pose": "pose",

@@ -13,17 +13,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 from .calibration_files import read_calibration, write_calibration
 from .camera import OpenCVCamera, TsaiCamera
 from .checks import CalibrationError
-from .tsai import CONFIDENCE, LOOSE_INTERVAL
+from .tsai import LOOSE_INTERVAL
 
 MINIMUM_POINTS = 5
 """Points of a view: a plane's five ratios (Tsai)."""
 
 SMALLEST_SINGULAR = 1e-10
 """Smallest singular value of a Jacobian with columns of one length, relative to the largest."""
+
+LOOSE_CENTER = 0.05
+"""Length of a 95 % interval of the principal point, as a fraction of the picture's, above which it is flagged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,12 +150,26 @@ def covariance_table(jacobian, squared_sum, names):
     return pd.DataFrame(squared_sum / (rows - columns) * root @ root.T, names, names)
 
 
-def judge_focal_length(covariance, name, value, unit):
-    """Flags by the 95 % interval of f; `CalibrationError` if it reaches zero."""
-    half = CONFIDENCE * np.sqrt(covariance.loc[name, name])
+def judge_focal_length(covariance, name, value, unit, freedom):
+    """Flags by the 95 % interval of f, by Student's t of `freedom` degrees; CalibrationError if it reaches 0."""
+    half = _half_interval(covariance, name, freedom)
     interval = f"95 % interval {value - half:.4g} to {value + half:.4g} {unit}"
     if half >= value:
         raise CalibrationError(f"the views do not determine f ({interval}); add views tilted by about 30 deg")
     if half > LOOSE_INTERVAL * value:
         return (f"The views hardly determine f ({interval}): it trades off with T_z; add tilted views.",)
     return ()
+
+
+def judge_principal_point(covariance, image_size, freedom):
+    """A flag if a 95 % interval of the principal point is longer than `LOOSE_CENTER` of the picture."""
+    free = [name for name in ("c_x", "c_y") if name in covariance.index]
+    halves = [_half_interval(covariance, name, freedom) for name in free]
+    if all(2 * half <= LOOSE_CENTER * size for half, size in zip(halves, image_size)):
+        return ()
+    found = " and ".join(f"{name} to +-{half:.3g} px" for name, half in zip(free, halves, strict=True))
+    return (f"The views hardly determine the principal point (95 %: {found}): add tilted views, or keep it fixed.",)
+
+
+def _half_interval(covariance, name, freedom):
+    return stats.t.ppf(0.975, freedom) * np.sqrt(covariance.loc[name, name])

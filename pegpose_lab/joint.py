@@ -6,8 +6,11 @@ meets no other, so the normal equations have the shape of an arrow,
 .. math:: \begin{pmatrix} A & B \\ B^T & C \end{pmatrix}, \qquad C = \mathrm{diag}(C_1, \dots, C_V),
 
 and eliminating the poses leaves the Schur complement :math:`S = A - \sum_v B_v C_v^{-1} B_v^T`, as small as
-the camera has parameters: time and memory grow linearly with the number of views.  S is also the information that the views
-have about the camera when nothing is known of their poses; its smallest eigenvalue says whether they determine it.
+the camera has parameters: time and memory grow linearly with the number of views.  S is also the information that the
+views have about the camera when nothing is known of their poses; its smallest eigenvalue says if they determine it.
+
+What the residuals' noise does to S is judged too.  A view's tilt makes its information about f; where the tilt is no
+larger than its own noise, the noise makes it, more so with every view, and f is wrong by many of its stated sigmas.
 """
 
 from dataclasses import dataclass, replace
@@ -18,10 +21,10 @@ import pandas as pd
 from scipy import stats
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .calibration import MINIMUM_POINTS, Calibration, judge_focal_length, pose_names
+from .calibration import MINIMUM_POINTS, Calibration, judge_focal_length, judge_principal_point, pose_names
 from .camera import OpenCVCamera, demand_tsai, distort_radius, max_undistorted_radius
-from .checks import CalibrationError, as_matched_points, as_number, as_views
-from .tsai import TILT_SIGNIFICANCE, is_planar, solve_coplanar, solve_noncoplanar
+from .checks import CalibrationError, as_number, as_views
+from .tsai import SMALL_TILT, TILT_SIGNIFICANCE, is_planar, solve_coplanar, solve_noncoplanar
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 """OpenCV's distortion coefficients in OpenCV's order."""
@@ -30,16 +33,35 @@ MAX_STEPS = 200
 SMALL_STEP = 1e-7
 """Length of a step, in standard deviations, after which none is needed."""
 
+NEAR = 1e-3
+"""Length of the full step, in sigmas, within which a state is a minimum though rounding forbids the step."""
+
 SMALLEST_RMS = 1e-9
 """px; points without noise are not fitted any better than this."""
 
 LEAST_INFORMATION = 1e-11
 """Smallest eigenvalue of S, scaled by A's diagonal: the part of the information that unknown poses leave."""
 
-HUBER, CAUCHY = 1.345, 2.385
-"""Where the robust losses bend, in standard deviations: 95 % efficiency for a normal distribution."""
+HUBER, CAUCHY = 1.501, 2.549
+"""Where the robust losses of a point's distance bend, in standard deviations per axis: with many points to a parameter
+the variance is 1/0.95 of least squares' for errors that are normal in x and y (1.345 and 2.385 are for one axis)."""
 
-ROBUST_ROUNDS = 30
+ROBUST_ROUNDS = 50
+SMALL_ROUND = 1e-3
+"""Length of a round's step, in standard deviations, after which no more are needed."""
+
+LITTLE_WORTH = 0.05
+"""Relative sigma of f times the root of the number of views, above which the information about f is put to the test."""
+
+FLAGGED_SHARE, REFUSED_SHARE = 0.03, 0.1
+"""Parts of the information about f that the noise makes, from which it is flagged and refused."""
+
+LEAST_RISE = 25.0
+"""Variances by which the sum of squares must grow when f is changed by one of `OTHER_FACTORS`."""
+
+OTHER_FACTORS = (1 / 2, 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64)
+"""Most are below 1: noise on little tilt makes f too large, up to a hundred times."""
+
 PROFILED, PROFILE_STEP = 20.0, 0.05
 """How far from the best f its profile is followed, as a factor, and in which steps of ln f."""
 
@@ -73,22 +95,24 @@ def calibrate_joint(
         None: the paper's model, with kappa1.  Else OpenCV's distorting model with these of `COEFFICIENTS` free and
         the others zero, none of them for a camera without distortion; the result is an `OpenCVCamera`.
     loss : {"linear", "huber", "cauchy"}
-        What a residual costs.  The two robust losses bend at `HUBER` and `CAUCHY` standard deviations (by the
-        median of the distances), so that single wrong corners hardly count.
+        What a point's distance costs.  The two robust losses bend at `HUBER` and `CAUCHY` standard deviations (by
+        the median of the distances), so that single wrong corners hardly count.
 
     Returns
     -------
     Calibration
         With `covariance` of all parameters: ``focal_length`` (mm), ``scale_x``, ``kappa1``, ``c_x``, ``c_y`` as far as
         they are free, or ``f_x``, ``f_y`` (or ``f_x`` for both), ``c_x``, ``c_y`` and the coefficients; and for
-        view v ``rx_v, ry_v, rz_v, tx_v, ty_v, tz_v``.  A robust loss's is that of its weights, as if they were known.
+        view v ``rx_v, ry_v, rz_v, tx_v, ty_v, tz_v``.  A robust loss's is that of M-estimation (`_robust_variance`).
+        `flags` say it when planes are tilted by less than `SMALL_TILT`, or f or the principal point is hardly known.
 
     Raises
     ------
     ValueError
         If the input is unusable.
     CalibrationError
-        If the views do not determine f, as when all are fronto-parallel, or not all parameters together.
+        If the views do not determine f, as when all are fronto-parallel as far as the noise can tell, or not all
+        parameters together, or no minimum is found.
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
     demand_tsai(camera)
@@ -96,24 +120,14 @@ def calibrate_joint(
     _demand(focal, "focal", ("one", "two"))
     _demand(loss, "loss", ("linear", "huber", "cauchy"))
     model = _model(camera, principal_point == "free", focal == "two", coefficients)
-    views = _Views.stack(object_points, image_points)
-    state = _start(model, views, object_points, image_points)
-    count = 2 * int(views.used.sum())
-    unknowns = len(model.names) + 6 * len(object_points)
-    if count <= unknowns:
-        raise CalibrationError(f"{count} coordinates cannot determine {unknowns} parameters; add points or views")
-    state, equations = _minimise(model, views, state, views.used)
-    if loss != "linear":
-        state, equations = _minimise_robust(model, views, state, loss)
-    covariance = _covariance(model, views, state, equations, count - unknowns)
-    found, poses = model.camera(state.shared), state.poses(views)
-    _demand_tilt(object_points, poses, covariance)
+    fit = _fit(model, object_points, image_points, loss)
+    flags = _judge(fit, object_points)
+    found, poses = model.camera(fit.state.shared), fit.state.poses(fit.views)
     residuals = [
         found.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)
     ]
-    flags = judge_focal_length(covariance, model.names[0], state.shared[0], model.unit)
-    return Calibration(found, poses, residuals, flags, covariance=covariance)
+    return Calibration(found, poses, residuals, flags, covariance=fit.covariance)
 
 
 def profile_focal_length(object_points, image_points, camera, *, principal_point="free", level=0.95):
@@ -140,55 +154,59 @@ def profile_focal_length(object_points, image_points, camera, *, principal_point
 
     Raises
     ------
-    ValueError, CalibrationError
-        As `calibrate_joint`.
+    ValueError
+        If the input is unusable.
+    CalibrationError
+        As `calibrate_joint`, but not because the interval is wide.
     """
     level = as_number(level, "level", 0, 1, exclusive=True)
-    best = calibrate_joint(object_points, image_points, camera, principal_point=principal_point)
-    views = _Views.stack(*as_views(object_points, image_points, MINIMUM_POINTS))
-    freedom = 2 * int(views.used.sum()) - len(best.covariance)
-    smallest = sum(np.sum(view**2) for view in best.residuals)
-    limit = smallest * (1 + stats.f.ppf(level, 1, freedom) / freedom)
-    ends = []
+    object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
+    demand_tsai(camera)
+    _demand(principal_point, "principal_point", ("free", "fixed"))
+    fit = _fit(_model(camera, principal_point == "free", False, None), object_points, image_points)
+    _demand_tilt(fit, object_points)
+    _demand_signal(fit)
+    limit = fit.equations.cost * (1 + stats.f.ppf(level, 1, fit.freedom) / fit.freedom)
+    best, ends = fit.state.shared[0], []
     for direction in (-1, 1):
-        state, inside, factor = None, best.camera.focal_length, np.exp(direction * PROFILE_STEP)
+        state, inside, factor = fit.state, best, np.exp(direction * PROFILE_STEP)
         while True:
             outside = inside * factor
-            if not 1 / PROFILED < outside / best.camera.focal_length < PROFILED:
+            if not 1 / PROFILED < outside / best < PROFILED:
                 ends.append(0.0 if direction < 0 else np.inf)
                 break
-            cost, found = _profile(views, best, outside, principal_point == "free", state)
+            cost, found = _profile(fit, outside, state)
             if cost > limit:
-                ends.append(_crossing(views, best, principal_point == "free", state, inside, outside, limit))
+                ends.append(_crossing(fit, state, outside, limit))
                 break
             state, inside = found, outside
     return tuple(ends)
 
 
-def _profile(views, best, focal_length, free_center, state):
-    """The smallest sum of squares with a given f, and where it is; `state` of a near f, or None for the best one's."""
-    model = _TsaiModel(replace(best.camera, focal_length=focal_length), free_center, False, free_focal_length=False)
-    if state is None:
-        center = best.camera.principal_point if free_center else ()
-        poses = best.cam_from_object
-        positions = np.array([pose.apply(c) for pose, c in zip(poses, views.centroids, strict=True)])
-        rotations = np.array([pose.rotation.as_matrix() for pose in poses])
-        state = _State(np.array([best.camera.kappa1, *center]), rotations, positions)
-        state = replace(state, positions=positions * [1, 1, focal_length / best.camera.focal_length])
-    found, equations = _minimise(model, views, state, views.used)
-    return equations.cost, found
+def _profile(fit, focal_length, near):
+    """The smallest sum of squares with a given f, and where it is, found from the state of a near f."""
+    model, state = _with_focal_length(fit, focal_length, near)
+    state, equations = _minimise(model, fit.views, state, fit.weights)
+    return equations.cost, replace(state, shared=np.array([focal_length, *state.shared]))
 
 
-def _crossing(views, best, free_center, state, inside, outside, limit):
-    """f between two at which the smallest sum of squares passes the limit, by bisection in ln f."""
-    while abs(np.log(outside / inside)) > 1e-5:
-        middle = np.sqrt(inside * outside)
-        cost, found = _profile(views, best, middle, free_center, state)
+def _with_focal_length(fit, focal_length, near):
+    """The model with a given f (or f_x), and the state of a near f with the depths changed as f is."""
+    depth = focal_length / near.shared[0]
+    state = _State(near.shared[1:], near.rotations, near.positions * [1, 1, depth])
+    return _GivenFocalLength(fit.model, focal_length), state
+
+
+def _crossing(fit, state, outside, limit):
+    """f between a state's and another at which the smallest sum of squares passes the limit, by bisection in ln f."""
+    while abs(np.log(outside / state.shared[0])) > 1e-5:
+        middle = np.sqrt(state.shared[0] * outside)
+        cost, found = _profile(fit, middle, state)
         if cost > limit:
             outside = middle
         else:
-            state, inside = found, middle
-    return float(np.sqrt(inside * outside))
+            state = found
+    return float(np.sqrt(state.shared[0] * outside))
 
 
 def board_pose(object_points, image_points, camera):
@@ -210,11 +228,11 @@ def board_pose(object_points, image_points, camera):
     Raises
     ------
     ValueError
-        If the input is unusable.
+        If the input is unusable, or points lie on a line: any turn about it is possible.
     CalibrationError
         If no pose is found.
     """
-    object_points, image_points = as_matched_points(object_points, image_points, 4)
+    (object_points,), (image_points,) = as_views([object_points], [image_points], 4)
     pose = _pnp(object_points, camera.to_normalized(image_points), np.eye(3))
     if isinstance(camera, OpenCVCamera):
         lens = camera.camera_matrix, camera.dist_coeffs
@@ -279,7 +297,7 @@ def calibrate_dlt(object_points, image_points, camera):
 def _model(camera, free_center, two_focal_lengths, coefficients):
     if coefficients is None:
         return _TsaiModel(camera, free_center, two_focal_lengths)
-    coefficients = tuple(coefficients)
+    coefficients = tuple(coefficients) if np.iterable(coefficients) else (coefficients,)
     if set(coefficients) - set(COEFFICIENTS) or len(set(coefficients)) < len(coefficients):
         raise ValueError(f"coefficients is {coefficients}; expected each once, of {', '.join(COEFFICIENTS)}")
     return _OpenCVModel(camera, free_center, two_focal_lengths, coefficients)
@@ -290,9 +308,9 @@ class _TsaiModel:
 
     unit = "mm"
 
-    def __init__(self, camera, free_center, two_focal_lengths, free_focal_length=True):
+    def __init__(self, camera, free_center, two_focal_lengths):
         self.start_camera = camera
-        free = [free_focal_length, two_focal_lengths, True, free_center, free_center]
+        free = [True, two_focal_lengths, True, free_center, free_center]
         self.names = [name for name, kept in zip(("focal_length", "scale_x", "kappa1", "c_x", "c_y"), free) if kept]
         self.columns = np.flatnonzero(free)
 
@@ -402,6 +420,21 @@ class _OpenCVModel:
         by_shared = np.concatenate([by_focal, by_center, by_coefficients * focal[:, None]], axis=2)
         by_point = _by_point(by_normalized * focal[:, None], normalized.T, 1.0, points)
         return np.column_stack([x_d, y_d]) * focal + center, by_shared, by_point
+
+
+class _GivenFocalLength:
+    """One of the models without its first parameter, f or f_x."""
+
+    def __init__(self, model, focal_length):
+        self.model, self.focal_length, self.names = model, focal_length, model.names[1:]
+
+    def project(self, shared, points):
+        """As `_TsaiModel.project`."""
+        projection = self.model.project([self.focal_length, *shared], points)
+        if projection is None:
+            return None
+        image, by_shared, by_point = projection
+        return image, by_shared[:, :, 1:], by_point
 
 
 def _by_point(by_x_u, x_u, focal_length, points):
@@ -559,6 +592,40 @@ def _pnp(object_points, image_points, camera_matrix):
     return RigidTransform.from_components(translation.ravel(), Rotation.from_rotvec(rotation.ravel()))
 
 
+@dataclass(frozen=True)
+class _Fit:
+    """The least squares of a model: the state at the minimum, its equations without weights, and what follows.
+
+    `weights` are 1 where there is a point, or those of a robust loss; `variance` is that of a coordinate, px^2.
+    """
+
+    model: object
+    views: _Views
+    state: _State
+    equations: object
+    weights: np.ndarray
+    variance: float
+    freedom: int
+    covariance: pd.DataFrame
+
+
+def _fit(model, object_points, image_points, loss="linear"):
+    """Minimise; not yet judged."""
+    views = _Views.stack(object_points, image_points)
+    state = _start(model, views, object_points, image_points)
+    count, unknowns = 2 * int(views.used.sum()), len(model.names) + 6 * len(object_points)
+    freedom = count - unknowns
+    if freedom <= 0:
+        raise CalibrationError(f"{count} coordinates cannot determine {unknowns} parameters; add points or views")
+    state, equations = _minimise(model, views, state, views.used)
+    weights, variance = views.used, max(equations.cost / freedom, SMALLEST_RMS**2)
+    if loss != "linear":
+        state, weights, variance = _minimise_robust(model, views, state, loss)
+        equations = _Equations.of(*_evaluate(model, views, state), views.used)
+    covariance = _covariance(model, views, state, equations, variance)
+    return _Fit(model, views, state, equations, weights, variance, freedom, covariance)
+
+
 # --- least squares -----------------------------------------------------------------------------------------
 
 
@@ -609,6 +676,14 @@ class _Equations:
         schur[range(k), range(k)] += damping * np.diagonal(self.a)
         return schur, solved[:, :, :k], solved[:, :, k:]
 
+    def directions(self):
+        """Eigenvalues (k,) of S scaled by A's diagonal, smallest first, the directions (k, k) as rows, in the scaled
+        parameters, and what the poses (V, 6, k) do along each."""
+        schur, by_shared, _ = self.eliminated()
+        scale = np.sqrt(np.diagonal(self.a))
+        values, vectors = np.linalg.eigh(schur / np.outer(scale, scale))
+        return values, vectors.T, -by_shared @ (vectors / scale[:, None])
+
     def step(self, damping):
         """Steps of the camera's parameters, turns and shifts, and the decrease of the cost that they promise."""
         schur, by_shared, by_gradient = self.eliminated(damping)
@@ -621,52 +696,104 @@ class _Equations:
 
 
 def _minimise(model, views, state, weights):
-    """Levenberg and Marquardt's method; the state at the minimum and its `_Equations`."""
+    """The state at the minimum and its `_Equations`."""
+    state, equations, settled = _descend(model, views, state, weights)
+    if not settled:
+        _, directions, poses = equations.directions()
+        raise CalibrationError(
+            f"the least squares found no minimum in {MAX_STEPS} steps, for the views hardly determine all of "
+            f"{', '.join(model.names)}: {_in_words(model.names, directions[0], poses[:, :, 0])}; add views of other "
+            "tilts (about 30 deg), or free fewer parameters"
+        )
+    return state, equations
+
+
+def _descend(model, views, state, weights):
+    """Levenberg and Marquardt's method: the last state, its `_Equations`, and whether it is a minimum."""
     evaluated = _evaluate(model, views, state)
     if evaluated is None:
         raise CalibrationError("the starting solution does not see all points; check their order")
     equations, damping, growth = _Equations.of(*evaluated, weights), 1e-4, 2.0
-    floor = np.sum(weights) * SMALLEST_RMS**2
+    count, floor = views.used.sum(), np.sum(weights) * SMALLEST_RMS**2
     for _ in range(MAX_STEPS):
         *step, promised = equations.step(damping)
         trial = state.moved(*step)
-        evaluated = _evaluate(model, views, trial)
+        evaluated = _evaluate(model, views, trial) if promised > 0 else None
         found = None if evaluated is None else _Equations.of(*evaluated, weights)
-        noise = max(equations.cost, floor) / views.used.sum()
+        noise = max(equations.cost, floor) / count
         if found is not None and found.cost <= equations.cost:
-            gain = (equations.cost - found.cost) / max(promised, 1e-300)
+            gain = min((equations.cost - found.cost) / promised, 1.0)
             damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
             state, equations = trial, found
         else:
             damping, growth = damping * growth, 2 * growth
-        if promised <= SMALL_STEP**2 * noise and damping < 1 or damping > 1e12 or equations.cost <= floor:
+        if promised <= SMALL_STEP**2 * noise and damping < 1 or equations.cost <= floor:
+            return state, equations, True
+        if damping > 1e12:
             break
-    return state, equations
+    near = equations.step(0.0)[-1] <= NEAR**2 * max(equations.cost, floor) / count
+    return state, equations, bool(near)
 
 
 def _minimise_robust(model, views, state, loss):
-    """Repeated weighted least squares: weights by the distances, which are judged by their median."""
+    """Repeated weighted least squares: weights by the distances, which are judged by their median.
+
+    Returns the state at the minimum, the weights, and the variance per axis that `_robust_variance` gives.
+    """
     for _ in range(ROBUST_ROUNDS):
         distances = np.hypot(*np.moveaxis(_evaluate(model, views, state)[0], -1, 0))
         sigma = np.median(distances[views.used > 0]) / np.sqrt(2 * np.log(2))  # per axis: distances are Rayleigh's
-        scaled = distances / max(sigma, SMALLEST_RMS)
-        weights = HUBER / np.maximum(scaled, HUBER) if loss == "huber" else 1 / (1 + (scaled / CAUCHY) ** 2)
+        sigma = max(sigma, SMALLEST_RMS)
+        weights = _robust_weights(distances / sigma, loss)[0] * views.used
         before = state
-        state, equations = _minimise(model, views, state, weights * views.used)
-        if np.allclose(before.shared, state.shared, rtol=1e-10, atol=0):
-            break
-    return state, equations
+        state, equations = _minimise(model, views, state, weights)
+        change = state.shared - before.shared
+        if change @ equations.eliminated()[0] @ change <= (SMALL_ROUND * sigma) ** 2:
+            return state, weights, _robust_variance(model, views, state, sigma, loss)
+    raise CalibrationError(
+        f"the {loss} loss found no minimum in {ROBUST_ROUNDS} rounds; look for views with many wrong corners"
+    )
 
 
-def _covariance(model, views, state, equations, freedom):
-    """Covariance of all parameters as a labelled table, translations being those of the objects' own origins."""
-    schur, by_shared, _ = equations.eliminated()
-    k, v = len(schur), len(by_shared)
-    scale = np.sqrt(np.diagonal(equations.a))
-    values, vectors = np.linalg.eigh(schur / np.outer(scale, scale))
+def _robust_weights(scaled, loss):
+    r"""Weight w and slope w' r of the distances r in standard deviations; the influence is :math:`\psi = w r`."""
+    if loss == "huber":
+        weights = HUBER / np.maximum(scaled, HUBER)
+        return weights, np.where(scaled > HUBER, -weights, 0.0)
+    weights = 1 / (1 + (scaled / CAUCHY) ** 2)
+    return weights, -2 * (scaled / CAUCHY) ** 2 * weights**2
+
+
+def _robust_variance(model, views, state, sigma, loss):
+    r"""The s^2 with which :math:`s^2 (J^T J)^{-1}` is the covariance of M-estimation, px^2.
+
+    With the influence :math:`\psi(r) e / r` of a residual e of length r, and half the trace of its derivative
+    :math:`\psi_1 = (\psi' + \psi / r) / 2`, of n points and p parameters (Huber, Robust Statistics, 1981, Eq. 7.6.8),
+
+    .. math:: s^2 = K^2\, \frac{\sum \psi^2 / (2 n - p)}{(\sum \psi_1 / n)^2},
+        \qquad K = 1 + \frac{p}{2 n} \frac{\mathrm{var}\, \psi_1}{(\mathrm{mean}\, \psi_1)^2}.
+    """
+    distances = np.hypot(*np.moveaxis(_evaluate(model, views, state)[0], -1, 0))[views.used > 0]
+    weights, slopes = _robust_weights(distances / sigma, loss)
+    derivative = weights + slopes / 2
+    count, unknowns = 2 * len(distances), len(model.names) + 6 * len(views.used)
+    correction = 1 + unknowns / count * derivative.var() / derivative.mean() ** 2
+    return correction**2 * np.sum((weights * distances) ** 2) / (count - unknowns) / derivative.mean() ** 2
+
+
+def _covariance(model, views, state, equations, variance):
+    """Covariance of all parameters as a labelled table, translations being those of the objects' own origins.
+
+    `equations` are without weights, `variance` is that of a coordinate, px^2.
+    """
+    values, directions, moved = equations.directions()
     if not values[0] > LEAST_INFORMATION:
-        raise CalibrationError(_undetermined(model.names, vectors[:, 0], -by_shared @ (vectors[:, 0] / scale)))
-    shared = (vectors / values @ vectors.T) / np.outer(scale, scale)
+        number = np.count_nonzero(~(values > LEAST_INFORMATION))
+        raise CalibrationError(_undetermined(model.names, directions[:number], moved))
+    by_shared = equations.eliminated()[1]
+    v, _, k = by_shared.shape
+    scale = np.sqrt(np.diagonal(equations.a))
+    shared = (directions.T / values @ directions) / np.outer(scale, scale)
     to_origin = np.zeros((v, 6, 6))  # the origin's shift is the centroid's less the turn times the way between them
     to_origin[:, range(6), range(6)] = 1
     x, y, z = np.einsum("vij,vj->iv", state.rotations, views.centroids)
@@ -682,28 +809,59 @@ def _covariance(model, views, state, equations, freedom):
     poses = whole[k:, k:].reshape(v, 6, v, 6)
     poses[range(v), :, range(v), :] += own
     names = model.names + pose_names(v)
-    return pd.DataFrame(equations.cost / freedom * whole, names, names)
+    return pd.DataFrame(variance * whole, names, names)
 
 
-def _undetermined(names, direction, poses):
-    """What can change without moving a point, in words: names of the parameters, and T_z if the poses shift along it."""
-    free = [name for name, part in zip(names, direction, strict=True) if abs(part) > 0.1 * np.abs(direction).max()]
-    shifts = np.abs(poses[:, 3:]).max(axis=0)
-    along_axis = ["T_z"] if shifts[2] > 0.1 * shifts.max() and shifts.max() > 0 else []
+def _undetermined(names, directions, poses):
+    """What can change without moving a point, in words; `poses` (V, 6, number) are the poses' changes along with it."""
+    found = [_in_words(names, direction, poses[:, :, k]) for k, direction in enumerate(directions)]
     return (
-        f"the views do not determine all of {', '.join(names)}: {' and '.join(free + along_axis)} trade off, they can "
-        "change together without moving a point; add views of other tilts (about 30 deg)"
+        f"the views do not determine all of {', '.join(names)}: {'; '.join(found)}; what trades off can change "
+        "together without moving a point; add views of other tilts (about 30 deg)"
     )
 
 
-def _demand_tilt(object_points, poses, covariance):
-    """Refuse a set of planes that are all fronto-parallel as far as their own sigmas can tell."""
+def _in_words(names, direction, poses):
+    """Names of the parameters that change along a direction, and T_z if the poses shift along it."""
+    free = [name for name, part in zip(names, direction, strict=True) if abs(part) > 0.1 * np.abs(direction).max()]
+    shifts = np.abs(poses[:, 3:]).max(axis=0)
+    along_axis = ["T_z"] if shifts[2] > 0.1 * shifts.max() and shifts.max() > 0 else []
+    return f"{' and '.join(free + along_axis)} trade off"
+
+
+# --- what the views know -----------------------------------------------------------------------------------
+
+
+def _judge(fit, object_points):
+    """Flags in words; `CalibrationError` if f is not determined."""
+    largest = _demand_tilt(fit, object_points)
+    value, name, unit = fit.state.shared[0], fit.model.names[0], fit.model.unit
+    flags = judge_focal_length(fit.covariance, name, value, unit, fit.freedom)
+    flags += judge_principal_point(fit.covariance, fit.model.start_camera.image_size, fit.freedom)
+    if _is_suspect(fit, largest):
+        share = _demand_signal(fit)
+        _demand_ends(fit)
+        if share > FLAGGED_SHARE:
+            flags += (
+                f"The noise makes {100 * share:.0f} % of what the views seem to know of f: its sigma is too small; "
+                "tilt the board by about 30 deg.",
+            )
+    if largest < SMALL_TILT:
+        sigma = np.sqrt(fit.covariance.loc[name, name])
+        flags += (
+            f"The boards are tilted by {largest:.1f} deg at most, and f ({value:.5g} +- {sigma:.2g} {unit}) rests on "
+            "that: it trades off with T_z; tilt them by about 30 deg.",
+        )
+    return flags
+
+
+def _demand_tilt(fit, object_points):
+    """The largest tilt of planes, deg (90 of other objects); refused if none is more than its own sigma explains."""
     if not all(is_planar(points) for points in object_points):
-        return
-    tilts, sigmas, matrix = [], [], covariance.to_numpy()
-    for first, pose in zip(range(len(matrix) - 6 * len(poses), len(matrix), 6), poses, strict=True):
-        normal = pose.rotation.as_matrix()[:, 2]
-        across = np.array([-normal[1], normal[0]])  # the axis of the tilt, times its sine
+        return 90.0
+    tilts, sigmas, matrix = [], [], fit.covariance.to_numpy()
+    for first, rotation in zip(range(len(fit.model.names), len(matrix), 6), fit.state.rotations, strict=True):
+        across = np.array([-rotation[1, 2], rotation[0, 2]])  # the axis of the tilt, times its sine
         sine = np.linalg.norm(across)
         axis = across / sine if sine > 0 else np.array([1.0, 0.0])
         tilts.append(np.degrees(np.arcsin(min(sine, 1.0))))
@@ -713,6 +871,109 @@ def _demand_tilt(object_points, poses, covariance):
             f"all planes are seen from straight ahead (tilts up to {max(tilts):.2g} deg, not distinguishable from 0): "
             "f and T_z trade off and are not determined; tilt the board by about 30 deg"
         )
+    return max(tilts)
+
+
+def _is_suspect(fit, tilt):
+    """Whether the information about f must be tested: little tilt, or little information in each view."""
+    relative = np.sqrt(fit.covariance.iloc[0, 0]) / fit.state.shared[0]
+    return tilt < SMALL_TILT or relative * np.sqrt(len(fit.state.rotations)) > LITTLE_WORTH
+
+
+def _demand_signal(fit):
+    """The share of the information about f that the noise makes; refused if it is large."""
+    share = _noise_share(fit)
+    if share > REFUSED_SHARE:
+        raise CalibrationError(
+            f"f is not determined: {100 * min(share, 1):.0f} % of what the views seem to know of it is the points' "
+            "noise, as with planes seen from nearly straight ahead or tilted about one axis; f and T_z trade off; tilt "
+            "the board by about 30 deg in several directions"
+        )
+    return share
+
+
+def _noise_share(fit):
+    r"""The share of the information about f that the noise of the poses makes.
+
+    The information S is a function of the estimated poses, and they differ from the true ones by noise of covariance
+    :math:`s^2 C_v^{-1}`.  On average that adds to S
+
+    .. math:: \Delta S = \frac{1}{2} \sum_k (S(+c_k) + S(-c_k) - 2 S)
+
+    with S taken at poses moved by the columns c_k of the root of this covariance.  Of the information about f alone,
+    which is :math:`u^T S u` along :math:`u = S^{-1} e_1`, the share is :math:`u^T \Delta S u / u^T S u`.
+    """
+    root = np.linalg.cholesky(np.linalg.inv(fit.equations.c) * fit.variance)
+    information = fit.equations.eliminated()[0]
+    added = np.zeros_like(information)
+    for column in np.concatenate([root, -root], axis=2).transpose(2, 0, 1):
+        evaluated = _evaluate(fit.model, fit.views, fit.state.moved(0.0, column[:, :3], column[:, 3:]))
+        if evaluated is None:
+            return np.inf
+        added += (_Equations.of(*evaluated, fit.views.used).eliminated()[0] - information) / 2
+    k = len(information)
+    direction = fit.covariance.iloc[:k, 0].to_numpy()
+    return float(direction @ added @ direction / (direction @ information @ direction))
+
+
+def _demand_ends(fit):
+    """Refuse a fit if another f explains the points nearly as well, or better (as far as the search comes).
+
+    Half and twice are for a valley that is nearly level; the others for a valley of its own, as there is with f_x and
+    f_y if boards with little tilt are taken for tilted ones of a camera with pixels that are not as stated.
+    """
+    best = float(np.sum(fit.weights[:, :, None] * _evaluate(fit.model, fit.views, fit.state)[0] ** 2))
+    value, unit = fit.state.shared[0], fit.model.unit
+    for other in np.multiply(OTHER_FACTORS, value):
+        rise = (_least_cost(fit, other) - best) / fit.variance
+        if rise < LEAST_RISE:
+            raise CalibrationError(
+                f"f is not determined: {other:.4g} {unit} explains the points nearly as well as {value:.4g} {unit}, or "
+                f"better (the sum of squares grows by {rise:.2g} variances); f and T_z trade off; tilt the board by "
+                "about 30 deg in several directions"
+            )
+
+
+def _least_cost(fit, focal_length):
+    """The sum of squares that a search with a given f comes to; infinite if not all points can be seen with it."""
+    model, state = _with_focal_length(fit, focal_length, fit.state)
+    if _evaluate(model, fit.views, state) is None:
+        return np.inf
+    return _descend(model, fit.views, state, fit.weights)[1].cost
+
+
+def weakest_direction(calibration):
+    """What the views know least: the combination of the camera's parameters and T_z that has the least information.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        With `covariance`.
+
+    Returns
+    -------
+    eigenvalue : float
+        Smallest eigenvalue of the inverse covariance with its diagonal scaled to 1: 1 if no parameter is confounded
+        with another, 0 if some can change together without moving a point.
+    words : str
+        Which ones, for instance "focal_length and T_z trade off".
+
+    Raises
+    ------
+    ValueError
+        If the calibration has no covariance.
+    """
+    if calibration.covariance is None:
+        raise ValueError("calibration has no covariance; expected one of calibrate_joint or calibrate_zhang")
+    poses = pose_names(len(calibration.cam_from_object))
+    names = [name for name in calibration.covariance.index if name not in poses]
+    kept = names + poses[5::6]
+    information = np.linalg.inv(calibration.covariance.loc[kept, kept].to_numpy())
+    scale = np.sqrt(np.diagonal(information))
+    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    shifts = np.zeros((len(poses) // 6, 6))
+    shifts[:, 5] = vectors[len(names) :, 0]
+    return float(values[0]), _in_words(names, vectors[: len(names), 0], shifts)
 
 
 def _demand(value, name, allowed):

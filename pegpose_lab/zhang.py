@@ -61,7 +61,7 @@ def calibrate_zhang(object_points, image_points, image_size, *, radial=2, tangen
     jacobian = _assemble([_opencv_jacobian(camera, points, pose, free) for points, pose in views])
     squared_sum = sum(np.sum(view**2) for view in residuals)
     covariance = covariance_table(jacobian, squared_sum, free + pose_names(len(poses)))
-    flags = judge_focal_length(covariance, "f_x", camera.camera_matrix[0, 0], "px")
+    flags = judge_focal_length(covariance, "f_x", camera.camera_matrix[0, 0], "px", np.subtract(*jacobian.shape))
     return Calibration(camera, poses, residuals, flags, covariance=covariance)
 
 
