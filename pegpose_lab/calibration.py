@@ -102,15 +102,16 @@ class Calibration:
         form : {"opencv", "ros"}
             OpenCV's FileStorage holds everything but `populations`; ``camera_matrix``, ``distortion_coefficients``,
             ``image_width``, ``image_height`` and ``extrinsic_parameters`` (rotation vector and translation, a row a
-            view) are named as in OpenCV's own calibration files, so its tools can read them.  ROS's camera_info
-            holds the camera alone, as OpenCV's model (`TsaiCamera.to_opencv`).
+            view) are named as in OpenCV's own calibration files, so its tools can read them; a `TsaiCamera` that
+            no OpenCV camera describes (`TsaiCamera.to_opencv`) is written without the first two.  ROS's camera_info
+            holds the camera alone, as OpenCV's model.
 
         Raises
         ------
         OSError
             If the file cannot be written.
         ValueError
-            If the form is unknown, or ROS has no name for the camera's distortion.
+            If the form is unknown, or ROS has no name for the camera's distortion, or no OpenCV camera describes it.
         """
         write_calibration(path, self, form)
 
@@ -118,7 +119,8 @@ class Calibration:
     def load(cls, path):
         """Read what `save` wrote, in either form: the content tells.  Nothing in the file is executed.
 
-        Of a ROS file there is the camera only: no poses, and no residuals for `rms` and its like.
+        Of a ROS file, and of OpenCV's own calibration files, there is the camera only: no poses, and no residuals for
+        `rms` and its like.
 
         Raises
         ------
