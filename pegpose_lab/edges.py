@@ -692,6 +692,8 @@ def _fit_group(image, circles, starts, sign, max_chi2, max_misfit):
         done = refit.reasons == ""
         ellipse[again[done]], covariance[again[done]] = refit.ellipse[done], refit.covariance[done]
         variance[again[done]], s[again[done]] = refit.variance[done], np.exp(refit.log_s[done])
+    vanished = fitted & ~(ellipse.r > 1)
+    reasons[vanished], fitted = "does not converge", fitted & ~vanished
     misfit = np.sqrt(np.maximum(variance - noise**2, 0))
     reasons[(reasons == "") & (np.abs(contrast) <= noise)] = "contrast below noise"
     reasons[(reasons == "") & (contrast * sign < 0)] = "other polarity"
