@@ -141,12 +141,17 @@ def compare(object_points, image_points, camera, *, truth=None, rng=0):
         truth is given; held_out (px), the mean E of views 2, 3, ... when only their pose is fitted through a
         camera that has not seen them: that of view 1, or, of the methods for all views, that of all views but the
         one judged; evaluations of the objective (NaN where there is no such thing); ms of processor time, stage 1
-        included where the method starts from it.
+        included where the method starts from it.  All numbers of a method that refuses the views (`CalibrationError`) are
+        NaN.
     """
     views, rows = list(zip(object_points, image_points, strict=True)), []
     for name, (method, shared) in _METHODS.items():
         start = time.process_time()
-        found, evaluations = method(views, camera) if shared else search(name, *views[0], camera, rng)
+        try:
+            found, evaluations = method(views, camera) if shared else search(name, *views[0], camera, rng)
+        except CalibrationError:
+            rows.append((name, *[np.nan] * 10))
+            continue
         ms = 1e3 * (time.process_time() - start)
         measures = _measures(found, views, truth, camera.pixel_pitch[0])
         rows.append((name, *measures, _held_out(found, method, shared, views, camera), evaluations, ms))

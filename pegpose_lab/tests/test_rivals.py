@@ -46,6 +46,7 @@ def test_all_methods_are_held_out_on_the_same_views():
     found = rivals.compare([BOARD] * 5, images, TRUTH.camera).set_index("method")["held_out"]
     rows = leave_one_out(lambda *views: calibrate_joint(*views, TRUTH.camera), [BOARD] * 5, images)["mean_distance"]
     assert rows[0] > 3 and found["joint"] == pytest.approx(rows[1:].mean(), rel=1e-9)
+    assert np.isnan(found["least squares of one view"]) and found["Zhang (OpenCV), k1"] > 0  # one refuses the bad view
 
 
 def test_stage_1_is_run_only_where_a_method_starts_from_it(monkeypatch):
