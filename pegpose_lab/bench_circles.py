@@ -251,7 +251,7 @@ def measure_frame(scene, number, noises, methods):
             for name in np.roll(methods, number).tolist():
                 found, seconds = peers.run(peers.METHODS[name], image, RADIUS_RANGE)
                 key = (scene.name, noise, number, name)
-                rows, false_positives = _score(frame, found, noise)
+                rows, false_positives = score(frame, found, noise)
                 frames.append((*key, seconds, false_positives))
                 discs += [(*key, *row) for row in rows]
     return frames, discs
@@ -265,8 +265,22 @@ def _warm_up(methods):
         peers.run(peers.METHODS[name], image, RADIUS_RANGE)
 
 
-def _score(frame, found, noise):
-    """A row for each expected disc (see `DISC_COLUMNS`), and the number of circles that belong to none."""
+def score(frame, found, noise):
+    """Compare what a method found with a frame's discs, as the module's text defines it.
+
+    Parameters
+    ----------
+    frame : Frame
+    found : peers.Found
+    noise : float
+        Of the picture, grey values.
+
+    Returns
+    -------
+    rows : list of tuples
+        The columns of `DISC_COLUMNS` after the key; a row for each expected disc.
+    false_positives : int
+    """
     low, high = RADIUS_RANGE
     expected = [disc for disc in frame.discs if low <= disc.truth.radius <= high]
     free, rows = np.ones(len(found), bool), []

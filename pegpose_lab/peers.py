@@ -1,9 +1,8 @@
 """Circle detectors side by side, ours and those that people use: a picture and a range of radii in, circles out.
 
-The peers' settings are documented in `METHODS` and are the same for every picture.  They were chosen on frames of
-their own (other poses than the benchmark's), first for the share of pegs found, then for few false circles, then
-for the centre's error.  scikit-image and opencv-contrib are not needed by anything else: the command ``bench``
-installs them.  opencv-contrib cannot live in one environment with OpenCV, so it has a folder and a process of
+The peers' settings are documented in `METHODS` and are the same for every picture.  `tuning` chose them, from grids
+and by a rule that stand there, on frames that the benchmark does not use.  scikit-image and opencv-contrib are not needed
+by anything else: the command ``bench`` installs them.  opencv-contrib cannot live in one environment with OpenCV, so it has a folder and a process of
 its own, which measures its own time.
 """
 
@@ -16,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import metadata
 
 import cv2
@@ -41,18 +40,24 @@ class Found:
 
 @dataclass(frozen=True)
 class Method:
-    """A detector, `find(image, (r_min, r_max)) -> Found`.
+    """A detector, `find(image, (r_min, r_max), **options) -> Found`.
 
-    `share` is the part of the frames that it gets (slow ones get fewer), `module` what has to be importable,
-    `package` the distribution whose version counts.
+    `text` says what its settings are, with {names} where the options stand; `share` is the part of the frames that it
+    gets (slow ones get fewer), `module` what has to be importable, `package` the distribution whose version counts.
     """
 
     name: str
     find: Callable
-    settings: str
+    text: str
     share: float = 1.0
     module: str = "cv2"
     package: str = "opencv-python-headless"
+    options: dict = field(default_factory=dict)
+
+    @property
+    def settings(self):
+        """Its settings, in words and numbers."""
+        return self.text.format(**self.options)
 
 
 def _rows(rows, radius_range):
@@ -92,50 +97,45 @@ def _hough(image, radius_range, method):
 
 
 def _smooth(image, sigma):
-    return cv2.GaussianBlur(image, (0, 0), sigma)
+    """The picture after a Gaussian of `sigma` px; 0 leaves it as it is."""
+    return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > 0 else image
 
 
-def _hough_gradient(image, radius_range, dp=1.5, votes=40, edge=200):
-    return _opencv_hough(image, radius_range, cv2.HOUGH_GRADIENT, dp, edge, votes)
-
-
-def _hough_gradient_smoothed(image, radius_range):
-    return _hough_gradient(_smooth(image, 1.5), radius_range, dp=1, votes=30, edge=150)
-
-
-def _hough_gradient_alt(image, radius_range):
-    return _opencv_hough(_smooth(image, 1.5), radius_range, cv2.HOUGH_GRADIENT_ALT, 1.5, 300, 0.9)
-
-
-def _opencv_hough(image, radius_range, method, dp, edge, votes):
+def _opencv_hough(image, radius_range, *, method, dp, edge, votes, smoothing=0):
     """cv2.HoughCircles, the least distance of two centres being the least radius."""
     low, high = int(np.floor(radius_range[0])), int(np.ceil(radius_range[1]))
-    found = cv2.HoughCircles(image, method, dp, low, param1=edge, param2=votes, minRadius=low, maxRadius=high)
+    limits = {"param1": edge, "param2": votes, "minRadius": low, "maxRadius": high}
+    found = cv2.HoughCircles(_smooth(image, smoothing), method, dp, low, **limits)
     return _rows([] if found is None else found.reshape(-1, found.shape[-1])[:, :3], radius_range)
 
 
-def _blobs(image, radius_range):
-    """cv2.SimpleBlobDetector with its own levels; a blob's size is twice its radius."""
+def _blobs(image, radius_range, *, smoothing, levels, circularity):
+    """cv2.SimpleBlobDetector; `levels` are its least and largest threshold and their step; a blob's size is twice its
+    radius."""
     settings = cv2.SimpleBlobDetector_Params()
     settings.blobColor = 255
+    settings.minThreshold, settings.maxThreshold, settings.thresholdStep = levels
     settings.minArea, settings.maxArea = np.pi * radius_range[0] ** 2, np.pi * radius_range[1] ** 2
-    settings.filterByCircularity, settings.minCircularity = True, 0.4
+    settings.filterByCircularity, settings.minCircularity = True, circularity
     settings.filterByConvexity = False
     settings.filterByInertia, settings.minInertiaRatio = True, 0.6
     settings.minDistBetweenBlobs = radius_range[0]
-    blobs = cv2.SimpleBlobDetector_create(settings).detect(image)
+    blobs = cv2.SimpleBlobDetector_create(settings).detect(_smooth(image, smoothing))
     return _rows([(*blob.pt, blob.size / 2) for blob in blobs], radius_range)
 
 
-def _contour_ellipses(image, radius_range):
-    """Otsu's threshold, outlines of at least half the least perimeter, cv2.fitEllipse; axes' ratio above 0.8."""
-    _, mask = cv2.threshold(_smooth(image, 1.0), 0, 255, cv2.THRESH_OTSU)
+def _contour_ellipses(image, radius_range, *, smoothing, threshold, ratio):
+    """A threshold (a grey value, or "Otsu"), outlines of at least half the least perimeter, cv2.fitEllipse; axes' ratio
+    above `ratio`."""
+    otsu = threshold == "Otsu"
+    kind = cv2.THRESH_OTSU if otsu else cv2.THRESH_BINARY
+    _, mask = cv2.threshold(_smooth(image, smoothing), 0 if otsu else threshold, 255, kind)
     outlines = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)[0]
     rows = []
     for outline in outlines:
         if len(outline) >= max(np.pi * radius_range[0], 5):
             (x, y), (first, second), _ = cv2.fitEllipse(outline.reshape(-1, 2))
-            if min(first, second) > 0.8 * max(first, second):
+            if min(first, second) > ratio * max(first, second):
                 rows.append((x, y, np.sqrt(first * second) / 2))
     return _rows(rows, radius_range)
 
@@ -143,26 +143,27 @@ def _contour_ellipses(image, radius_range):
 # ---- scikit-image ----
 
 
-def _skimage_hough(image, radius_range):
+def _skimage_hough(image, radius_range, *, sigma, threshold):
     """Canny, one plane of votes for each whole radius, peaks with the least radius between them."""
     from skimage.feature import canny
     from skimage.transform import hough_circle, hough_circle_peaks
 
     radii = np.arange(np.ceil(radius_range[0]), np.floor(radius_range[1]) + 1).astype(int)
     apart = int(radius_range[0])
-    votes = hough_circle(canny(image, sigma=3), radii)
-    _, x, y, r = hough_circle_peaks(votes, radii, min_xdistance=apart, min_ydistance=apart, threshold=0.3)
+    votes = hough_circle(canny(image, sigma=sigma), radii)
+    _, x, y, r = hough_circle_peaks(votes, radii, min_xdistance=apart, min_ydistance=apart, threshold=threshold)
     return _rows(np.column_stack([x, y, r]), radius_range)
 
 
 # ---- opencv-contrib, in its own process ----
 
 
-def _edge_drawing(image, radius_range):
+def _edge_drawing(image, radius_range, *, operator, gradient, sigma):
     """Edge Drawing with its ellipses; runs where cv2 is opencv-contrib's."""
     detector = cv2.ximgproc.createEdgeDrawing()
     settings = cv2.ximgproc.EdgeDrawing.Params()
-    settings.GradientThresholdValue = 40
+    settings.EdgeDetectionOperator = getattr(cv2.ximgproc, f"EdgeDrawing_{operator}")
+    settings.GradientThresholdValue, settings.Sigma = gradient, sigma
     detector.setParams(settings)
     detector.detectEdges(image)
     found = detector.detectEllipses()
@@ -187,9 +188,9 @@ class _Server:
         """End the process: its pipe is closed."""
         self.process.communicate()
 
-    def ask(self, image, radius_range):
+    def ask(self, image, radius_range, options):
         """Return `Found` and seconds of processor time."""
-        header = json.dumps([image.shape, [float(radius) for radius in radius_range]])
+        header = json.dumps([image.shape, [float(radius) for radius in radius_range], options])
         self.process.stdin.write(header.encode() + b"\n" + image.tobytes())
         self.process.stdin.flush()
         answer = self.process.stdout.readline()
@@ -212,18 +213,18 @@ def serve():
     """Answer the requests of a `_Server` until its pipe is closed."""
     cv2.setNumThreads(1)
     for header in iter(sys.stdin.buffer.readline, b""):
-        (height, width), radius_range = json.loads(header)
+        (height, width), radius_range, options = json.loads(header)
         image = np.frombuffer(sys.stdin.buffer.read(height * width), np.uint8).reshape(height, width)
-        found, seconds = _timed(_edge_drawing, image, radius_range)
+        found, seconds = _timed(_edge_drawing, image, radius_range, options)
         print(json.dumps([np.column_stack([found.centers, found.radii]).tolist(), seconds]), flush=True)
 
 
 # ---- all of them ----
 
 
-def _timed(find, image, radius_range):
+def _timed(find, image, radius_range, options):
     start = time.process_time()
-    found = find(image, radius_range)
+    found = find(image, radius_range, **options)
     return found, time.process_time() - start
 
 
@@ -236,8 +237,8 @@ def run(method, image, radius_range):
         Circles, and the seconds of processor time that they took.
     """
     if method.module == CONTRIB_MODULE and not hasattr(cv2, "ximgproc"):
-        return _server().ask(image, radius_range)
-    return _timed(method.find, image, radius_range)
+        return _server().ask(image, radius_range, method.options)
+    return _timed(method.find, image, radius_range, method.options)
 
 
 OURS, REFERENCE, CONTRIB_MODULE = "ours", "HoughCircles GRADIENT", "cv2.ximgproc"
@@ -245,6 +246,10 @@ _OUR_PACKAGE = {"module": "pegpose_lab", "package": "pegpose_lab"}
 _TWO_STAGE, _PHASE_CODE, _ACCUMULATOR = (
     functools.partial(_hough, method=method) for method in ("two-stage", "phase-code", "accumulator")
 )
+_GRADIENT, _GRADIENT_ALT = (
+    functools.partial(_opencv_hough, method=method) for method in (cv2.HOUGH_GRADIENT, cv2.HOUGH_GRADIENT_ALT)
+)
+_HOUGH_TEXT = "dp {dp}, param1 {edge}, param2 {votes}, minDist r_min"
 METHODS = {
     method.name: method
     for method in (
@@ -252,42 +257,49 @@ METHODS = {
         Method("find_circles two-stage", _TWO_STAGE, "whole picture; defaults", 0.1, **_OUR_PACKAGE),
         Method("find_circles phase-code", _PHASE_CODE, "whole picture; defaults", 0.1, **_OUR_PACKAGE),
         Method("find_circles accumulator", _ACCUMULATOR, "whole picture; defaults", 0.04, **_OUR_PACKAGE),
-        Method(REFERENCE, _hough_gradient, "dp 1.5, param1 200, param2 40, minDist r_min"),
+        Method(REFERENCE, _GRADIENT, _HOUGH_TEXT, options={"dp": 1, "edge": 300, "votes": 30}),
         Method(
             "HoughCircles GRADIENT, smoothed",
-            _hough_gradient_smoothed,
-            "Gaussian 1.5 px, dp 1, param1 150, param2 30, minDist r_min",
+            _GRADIENT,
+            "Gaussian {smoothing} px, " + _HOUGH_TEXT,
+            options={"smoothing": 1, "dp": 1, "edge": 200, "votes": 40},
         ),
         Method(
             "HoughCircles GRADIENT_ALT",
-            _hough_gradient_alt,
-            "Gaussian 1.5 px, dp 1.5, param1 300, param2 0.9, minDist r_min",
+            _GRADIENT_ALT,
+            "Gaussian {smoothing} px, " + _HOUGH_TEXT,
+            options={"smoothing": 0, "dp": 3, "edge": 600, "votes": 0.9},
         ),
         Method(
             "skimage hough_circle",
             _skimage_hough,
-            "canny sigma 3, whole radii, peaks above 0.3, r_min apart",
+            "canny sigma {sigma}, whole radii, peaks above {threshold}, r_min apart",
             0.04,
             "skimage",
             "scikit-image",
+            {"sigma": 3, "threshold": 0.4},
         ),
         Method(
             "SimpleBlobDetector",
             _blobs,
-            "default levels, area of the radius range, circularity > 0.4, inertia > 0.6, r_min apart",
+            "Gaussian {smoothing} px, levels {levels[0]} to {levels[1]} by {levels[2]}, area of the radius range, "
+            "circularity > {circularity}, inertia > 0.6, r_min apart",
+            options={"smoothing": 1, "levels": (70, 150, 10), "circularity": 0.1},
         ),
         Method(
             "contours + fitEllipse",
             _contour_ellipses,
-            "Gaussian 1 px, Otsu, outline > pi r_min, axes' ratio > 0.8",
+            "Gaussian {smoothing} px, threshold {threshold}, outline > pi r_min, axes' ratio > {ratio}",
+            options={"smoothing": 1, "threshold": 100, "ratio": 0.8},
         ),
         Method(
             "EdgeDrawing",
             _edge_drawing,
-            "gradient threshold 40, else defaults",
+            "operator {operator}, gradient threshold {gradient}, sigma {sigma} px, else defaults",
             1.0,
             CONTRIB_MODULE,
             "opencv-contrib-python-headless",
+            {"operator": "PREWITT", "gradient": 80, "sigma": 1.0},
         ),
     )
 }

@@ -197,4 +197,4 @@ def test_no_module_but_the_benchmark_knows_the_peers():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.ImportFrom) and "peers" in [alias.name for alias in node.names]
     }
-    assert users == {"bench", "bench_circles"}
+    assert users == {"bench", "bench_circles", "tuning"}

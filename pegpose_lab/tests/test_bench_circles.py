@@ -133,7 +133,7 @@ FRAME = _frame((100, 100, 50), (300, 100, 50), (500, 100, 80), (200, 300, 45))
 def test_score_counts_each_disc_once_and_the_rest_as_false():
     wrong = [(300, 100, 56), (700, 700, 50), (500, 100, 58)]
     found = _found([(101, 100, 50), (100, 100, 49.5), *wrong, (204, 300, 45)])
-    rows, false_positives = bench_circles._score(FRAME, found, 5)
+    rows, false_positives = bench_circles.score(FRAME, found, 5)
     assert [row[:2] for row in rows] == [(1, True), (2, False), (0, True)]  # the bore (80 px) is not expected
     assert_allclose(rows[0][4:6], 0, atol=1e-12)  # the nearer of two
     assert false_positives == 4
@@ -141,26 +141,26 @@ def test_score_counts_each_disc_once_and_the_rest_as_false():
 
 @pytest.mark.parametrize("offset", [(5.1, 0, 0), (0, 0, 5.1), (0, 0, -5.1), (-3.7, 3.7, 0)])
 def test_what_is_off_by_more_than_a_tenth_is_not_detected(offset):
-    rows, false_positives = bench_circles._score(FRAME, _found([np.add((100, 100, 50), offset)]), 5)
+    rows, false_positives = bench_circles.score(FRAME, _found([np.add((100, 100, 50), offset)]), 5)
     assert not rows[0][1] and false_positives == 1
-    rows, false_positives = bench_circles._score(FRAME, _found([np.add((100, 100, 50), np.multiply(offset, 0.9))]), 5)
+    rows, false_positives = bench_circles.score(FRAME, _found([np.add((100, 100, 50), np.multiply(offset, 0.9))]), 5)
     assert rows[0][1] and false_positives == 0
 
 
 def test_errors_are_divided_by_bound_arc_bound_and_sigma():
     sigmas = np.array([[0.1, 0.2, 0.4]])
-    rows, _ = bench_circles._score(FRAME, _found([(100.2, 100.2, 50.2)], sigmas), 5)
+    rows, _ = bench_circles.score(FRAME, _found([(100.2, 100.2, 50.2)], sigmas), 5)
     bound = bench_circles.center_bound(50, 100, 1.0, 5)
     peg, found, visible, arc, *errors = rows[0]
     assert (peg, found, visible, arc) == (1, True, 1.0, 1.5)
     ratios = np.array([1, 1, np.sqrt(2)]) * 0.2 / bound
     assert_allclose(errors, [*ratios, *ratios / [1.5, 1.5, 2], 2, 1, 0.5], rtol=1e-6)
-    rows, _ = bench_circles._score(FRAME, _found([(100.2, 100.2, 50.2)]), 5)
+    rows, _ = bench_circles.score(FRAME, _found([(100.2, 100.2, 50.2)]), 5)
     assert np.isnan(rows[0][-3:]).all()
 
 
 def test_nothing_found_is_scored_without_a_warning():
-    rows, false_positives = bench_circles._score(FRAME, _found([]), 5)
+    rows, false_positives = bench_circles.score(FRAME, _found([]), 5)
     assert [row[1] for row in rows] == [False] * 3 and false_positives == 0
     table = bench_circles.summarize(
         pd.DataFrame([("clean", 5, 0, peers.OURS, 0.01, 0)], columns=bench_circles.FRAME_COLUMNS),
@@ -194,7 +194,7 @@ def test_every_fast_method_finds_the_clean_pegs(name, frames):
     if peers.missing(method):
         pytest.skip(peers.missing(method))
     found, seconds = peers.run(method, bench_circles.expose(frames["clean"].picture, 2, 0), bench_circles.RADIUS_RANGE)
-    rows, false_positives = bench_circles._score(frames["clean"], found, 2)
+    rows, false_positives = bench_circles.score(frames["clean"], found, 2)
     assert all(row[1] for row in rows) and len(rows) == 4
     assert false_positives == 0 and seconds > 0
 
