@@ -532,6 +532,6 @@ def describe_methods(methods, memory):
     for name in methods:
         method = peers.METHODS[name]
         reason = peers.missing(method)
-        memory = np.nan if reason or name not in memory else peak_memory(method)
-        rows.append((name, method.package, peers.version(method), method.settings, memory, reason))
+        megabytes = np.nan if reason or name not in memory else peak_memory(method)
+        rows.append((name, method.package, peers.version(method), method.settings, megabytes, reason))
     return pd.DataFrame(rows, columns=["method", "package", "version", "settings", "memory_mb", "missing"])

@@ -113,6 +113,11 @@ def test_report_is_written_whole_and_read_back(tmp_path):
     assert not bench.readme_is_current(readme, tmp_path / "results")
 
 
+def test_committed_readme_shows_the_committed_results():
+    checkout = commands.CHECKOUT
+    assert bench.readme_is_current(checkout / "README.md", checkout / "data" / "results")
+
+
 def test_report_as_text_counts_the_aims():
     text = bench.to_text(_report())
     assert text.endswith("45 of 45 aims met.")

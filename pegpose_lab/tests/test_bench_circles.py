@@ -231,7 +231,7 @@ def test_missing_packages_are_named(monkeypatch, tmp_path):
     assert peers.version(method) == ""
     monkeypatch.setattr(peers.importlib.util, "find_spec", lambda _: None)
     assert "scikit-image" in peers.missing(peers.METHODS["skimage hough_circle"])
-    names = ("EdgeDrawing",)
+    names = ("EdgeDrawing", "skimage hough_circle")
     assert bench_circles.describe_methods(names, names)["missing"][0] == peers.missing(method)
     assert bench_circles._methods_for(names, 0, 10) == []
 
