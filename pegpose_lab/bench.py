@@ -279,7 +279,7 @@ def _genetic_table(genetic):
 
 def _absent(methods):
     """A line for each method that could not run."""
-    rows = methods[methods["missing"].fillna("") != ""]
+    rows = methods[methods["missing"].notna() & (methods["missing"] != "")]
     return [f"{row.method}: not measured, {row.missing}." for row in rows.itertuples()]
 
 
