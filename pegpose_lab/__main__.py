@@ -19,8 +19,9 @@ from .environment import CHECKOUT
 OLDEST_PYTHON = (3, 11)
 CELL_TIMEOUT = 600  # s; a notebook's slowest cell takes a small part of it
 
-# The same digits on every machine: one thread in each linear-algebra library, sets in one order, and
-# the kernels of .venv before those that a user has registered.
+# The same bytes in every run on one machine: one thread in each linear-algebra library (small systems are also
+# solved several times faster so), sets in one order, and the kernels of .venv before those that a user has
+# registered.  Another processor rounds the last bits another way; that is what `agreement` allows for.
 FIXED_VARIABLES = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
