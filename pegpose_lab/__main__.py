@@ -87,22 +87,51 @@ def _report(options):
 
 
 def _test(options):
-    """Run the unit tests, and every notebook against its stored outputs."""
+    """Run the unit tests, and every notebook against its stored outputs; here, or on emulated machines."""
     import pytest
 
     from pegpose_lab import running
 
     os.chdir(CHECKOUT)
+    if options.processors is not None:
+        return _test_processors(options.processors, options.extra)
     with running.scratch_output(CHECKOUT / "data" / "results") as output:
         os.environ.update(PEGPOSE_OUTPUT=str(output), IPYTHONDIR=str(output / "ipython"))
-        return int(
-            pytest.main(
-                ["-n", str(running.WORKERS), "--dist", "loadscope"]
-                + ["--nbval", "--nbval-current-env", "--nbval-cell-timeout", str(CELL_TIMEOUT)]
-                + ["--nbval-sanitize-with", str(CHECKOUT / "pegpose_lab" / "tests" / "nbval_sanitize.cfg")]
-                + options.extra
-            )
-        )
+        return int(pytest.main(_notebook_testing() + options.extra))
+
+
+def _notebook_testing():
+    """pytest's arguments for running and comparing notebooks."""
+    from pegpose_lab import running
+
+    return [
+        *("-n", str(running.WORKERS), "--dist", "loadscope"),
+        *("--nbval", "--nbval-current-env", "--nbval-cell-timeout", str(CELL_TIMEOUT)),
+        *("--nbval-sanitize-with", str(CHECKOUT / "pegpose_lab" / "tests" / "nbval_sanitize.cfg")),
+    ]
+
+
+def _test_processors(names, extra):
+    """Run the notebooks and the tests of digits on emulated machines; print a table."""
+    from pegpose_lab import processors
+
+    machines = processors.emulated_machines()
+    if names:
+        known = {machine.name: machine for machine in machines}
+        unknown = sorted(set(names) - set(known))
+        if unknown:
+            raise SystemExit(f"No machine is called {', '.join(unknown)}; there are: {', '.join(known)}.")
+        machines = [known[name] for name in names]
+    else:
+        machines += processors.other_pythons()
+    outcomes = []
+    for machine in machines:
+        print(f"\n--- {machine.name} ---", flush=True)
+        outcomes.append(processors.run_on(machine, CHECKOUT, _notebook_testing() + extra))
+        for path in outcomes[-1].changed:
+            print(f"reproduce would rewrite {path}", flush=True)
+    print(f"\n{processors.table(outcomes)}")
+    return 0 if all(outcome.passed for outcome in outcomes) else 1
 
 
 def _bench(options):
@@ -173,6 +202,13 @@ def _parser():
         "test",
         help="run the unit tests, and the notebooks against their stored outputs",
         epilog="Arguments after -- go to pytest:  test -- -k camera",
+    )
+    test.add_argument(
+        "--processors",
+        nargs="*",
+        metavar="NAME",
+        help="run the notebooks and the tests of digits as on other processors (emulated), with two threads and under "
+        "the other Pythons that are found, instead of all tests here; NAME runs these machines only",
     )
     test.set_defaults(run=_test)
 
