@@ -456,8 +456,12 @@ def _start_slow_run(checkout, output):
 
 
 def _start(checkout, arguments, **variables):
-    """Start a command in a process of its own, on a checkout that needs no set-up."""
+    """Start a command in a process of its own, on a checkout that needs no set-up.
+
+    A shell's background job ignores Ctrl-C, and so do its children: the command is given Python's own handler.
+    """
     code = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "import sys; from pathlib import Path; from pegpose_lab import __main__ as commands, environment\n"
         "environment.set_up, environment.VENV = bool, Path(sys.prefix)\n"
         f"commands.CHECKOUT = Path({str(checkout)!r})\n"
