@@ -97,7 +97,11 @@ def _test(options):
         return _test_processors(options.processors, options.extra)
     with running.scratch_output(CHECKOUT / "data" / "results") as output:
         os.environ.update(PEGPOSE_OUTPUT=str(output), IPYTHONDIR=str(output / "ipython"))
-        return int(pytest.main(_notebook_testing() + options.extra))
+        code = int(pytest.main(_notebook_testing() + options.extra))
+        changed = running.changed_files(output, CHECKOUT)
+    for path in changed:
+        print(f"{path} is not what the notebooks make: run  python3 -m pegpose_lab reproduce", file=sys.stderr)
+    return code or int(bool(changed))
 
 
 def _notebook_testing():

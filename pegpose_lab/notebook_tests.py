@@ -22,6 +22,11 @@ class PrintedText(str):
         return not self == other
 
 
+def pytest_configure(config):
+    """Make the mark known that `processors` asks for."""
+    config.addinivalue_line("markers", "digits: compares computed digits with stored ones; run on emulated processors")
+
+
 @pytest.hookimpl(tryfirst=True)  # before -m chooses by the marks
 def pytest_collection_modifyitems(items):
     """Let nbval read the outputs of every notebook cell as `PrintedText`; all cells are tests of digits."""

@@ -515,6 +515,7 @@ def test_test_command_catches_a_changed_output_and_writes_nothing(tmp_path):
     assert run.returncode == 1, closing
     assert re.search(r"=+ 1 failed, 2 passed in ", closing), closing
     assert "10.1" in closing and "10.3" in closing
+    assert "a.png is not what the notebooks make" in closing
     assert not (tmp_path / "figures").exists()
 
 

@@ -76,7 +76,7 @@ def checkout(tmp_path):
     for name, text in {
         "data/results/a.csv": "1.25\n",
         "pyproject.toml": '[tool.pytest.ini_options]\ntestpaths = ["notebooks"]\n'
-        'markers = ["digits"]\naddopts = ["-p", "pegpose_lab.notebook_tests"]\n',
+        'addopts = ["-p", "pegpose_lab.notebook_tests"]\n',
         "notebooks/01_one.ipynb": nbformat.writes(new_notebook(cells=[cell])),
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
