@@ -17,7 +17,7 @@ KINDS = {
     "highlights": {"look": PLAIN, "highlights": 40.0},
     "clutter": {"look": HubLook(), "highlights": 40.0, "clutter": 28},
 }
-DISTANCES = (255.0, 430.0)  # mm: radii of 12 to 90 px in all
+DISTANCES = (240.0, 430.0)  # mm: radii of 12 to 90 px in all
 
 
 def _frame(kind, distance):
