@@ -37,7 +37,7 @@ CHUNK = 512  # pixels that are summed in float32: no sum depends on how far a di
 SAME = 1.0  # px, distance of centres and radii below which two fits are of one disc
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together: their arrays stay in the cache
 N_SECTORS = np.array([24, 36, 48, 60, 78, 96])  # sectors of a refit, multiples of BLOCK
-SECTOR_ROW = 16  # pixels by which the rows of sectors are filled up
+SECTOR_ROW, LONGER_ROW = 72, 12  # pixels to which the rows of sectors are filled up, and further where there are more
 PART = 4  # every so-many-th pixel is enough for the first steps, if there are LEAST_PIXELS
 LEAST_PIXELS, LEAST_RING = 600, 30
 MAX_STEPS, ROUGH_STEPS = 12, 6
@@ -778,7 +778,8 @@ def _sectors(image, ellipses):
     rings = [_ring_by_sectors(image, ellipses[i]) for i in range(len(ellipses.r))]
     kinds = {}
     for i, (counts, _) in enumerate(rings):
-        kinds.setdefault((len(counts), -(-int(counts.max()) // SECTOR_ROW) * SECTOR_ROW), []).append(i)
+        length = max(-(-int(counts.max()) // LONGER_ROW) * LONGER_ROW, SECTOR_ROW)
+        kinds.setdefault((len(counts), length), []).append(i)
     for (k, length), part in kinds.items():
         filled = np.zeros((4, len(part) * k, length), np.float32)
         filled[0] = np.repeat(ellipses.r[part], k)[:, None]
