@@ -1,0 +1,185 @@
+"""Sub-pixel fit of checkerboard corners: crossings of two blurred edges, as pixels see them.
+
+Near a corner the image of two crossing edges is
+
+    I = m + a F(d_1) F(d_2) + g_x x + g_y y,
+
+d_1 and d_2 the signed distances to the edges and g a gradient of the light, which would otherwise pull the corner.
+F is the profile of an edge from -1 to 1: a step, blurred by a Gaussian of s px and averaged over a pixel one px wide,
+
+    F(d) = H(d + 1/2) - H(d - 1/2),   H(t) = t erf(t / (sqrt(2) s)) + sqrt(2 / pi) s exp(-t^2 / (2 s^2)).
+
+Without the pixel's width the profile of a sharp, nearly upright edge is off by up to 0.05 px.  Least squares over a
+round window (maximum likelihood under white noise) gives the corner, the directions of both edges, the blur and the
+levels together.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import erf
+
+SMALLEST_BLUR, LARGEST_BLUR = 0.2, 5.0  # px
+_STEPS = 60
+_GAUSS_NEWTON_STEPS = 10  # the others are Newton's: with large residuals (sharpened edges) the former crawl
+_TOLERANCE = 3e-4  # of the corner's standard deviation: a step that moves nothing
+_ROUNDING = 1e-7  # px: where the residual is nothing but rounding
+_STEP_LIMITS = np.array([1.0, 1.0, 0.2, 0.2, 0.5] + [np.inf] * 4)
+_LOG_BLUR = 4  # its column
+
+
+@dataclass(frozen=True)
+class CornerFits:
+    """Fits of n windows.
+
+    Attributes
+    ----------
+    parameters : (n, 9) ndarray
+        x, y (px from the window's middle), the normals' directions (rad), log s, m, a, g_x, g_y.
+    sigma : (n,) ndarray
+        px, standard deviation of the corner along its worse axis, from the window's residuals.
+    misfit : (n,) ndarray
+        Residuals (root mean square) over |a|.
+    converged : (n,) bool ndarray
+        Whether the last step was small.
+    """
+
+    parameters: np.ndarray
+    sigma: np.ndarray
+    misfit: np.ndarray
+    converged: np.ndarray
+
+
+def fit_corners(values, weights, lattice, start):
+    """Fit the module's model to windows by Levenberg's and Marquardt's damped least squares, all at once.
+
+    Parameters
+    ----------
+    values, weights : (n, k) ndarray
+        Grey values, and 1 for the pixels that count, else 0.
+    lattice : (2, k) ndarray
+        px, x and y of the windows' pixels from the windows' middle.
+    start : (n, 4) ndarray
+        The first four parameters.
+
+    Returns
+    -------
+    CornerFits
+
+    Notes
+    -----
+    A step is taken only where it lowers the window's own sum of squares.  The blur stays within its limits; while
+    it is pressed against one of them it is no unknown.
+    """
+    parameters = _first_guess(values, weights, lattice, start)
+    damping, active = np.full(len(start), 1e-3), np.arange(len(start))
+    current = _equations(parameters, values, weights, lattice)
+    sigma, cost, converged = np.zeros(len(start)), current[2].copy(), np.zeros(len(start), bool)
+    freedom = np.maximum(weights.sum(axis=1) - parameters.shape[1], 1)
+    for count in range(_STEPS):
+        normal, right, _ = current
+        if count >= _GAUSS_NEWTON_STEPS:
+            normal = _second_derivatives(parameters[active], values[active], weights[active], lattice, normal)
+        step, spread = _step(parameters[active], normal, right, damping[active])
+        trial = parameters[active] + step
+        trial[:, _LOG_BLUR] = np.clip(trial[:, _LOG_BLUR], np.log(SMALLEST_BLUR), np.log(LARGEST_BLUR))
+        tried = _equations(trial, values[active], weights[active], lattice)
+        better = tried[2] <= current[2]
+        parameters[active[better]] = trial[better]
+        current = [np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in zip(tried, current)]
+        sigma[active] = spread * np.sqrt(current[2] / freedom[active])
+        cost[active] = current[2]
+        small = np.abs(step[:, :2]).max(axis=1) <= _TOLERANCE * sigma[active] + _ROUNDING
+        converged[active] = small & (damping[active] <= 1.0)  # a strongly damped step is always small
+        damping[active] = np.where(better, np.maximum(damping[active] / 10, 1e-9), np.minimum(damping[active] * 10, 1e9))
+        going = ~converged[active]
+        active, current = active[going], [part[going] for part in current]
+        if not active.size:
+            break
+    misfit = np.sqrt(cost / np.maximum(weights.sum(axis=1), 1)) / np.maximum(np.abs(parameters[:, 6]), 1e-9)
+    return CornerFits(parameters, sigma, misfit, converged)
+
+
+def _first_guess(values, weights, lattice, start):
+    """`start` completed by a blur of 1 px, the mean and the amplitude that fit best with it, and even light."""
+    parameters = np.hstack([start, np.zeros((len(start), 5))])
+    product = edge_crossing(parameters, lattice)[1][:, :, 6]
+    total = np.maximum(weights.sum(axis=1), 1)
+    parameters[:, 5] = np.sum(weights * values, axis=1) / total
+    spread = np.maximum(np.sum(weights * product**2, axis=1), 1e-9)
+    parameters[:, 6] = np.sum(weights * product * (values - parameters[:, 5:6]), axis=1) / spread
+    return parameters
+
+
+def _equations(parameters, values, weights, lattice):
+    """Normal matrices (n, 9, 9), right-hand sides (n, 9) and sums of squares (n,)."""
+    model, jacobian = edge_crossing(parameters, lattice)
+    weighted = (jacobian * weights[:, :, None]).transpose(0, 2, 1)
+    residuals = values - model
+    return weighted @ jacobian, (weighted @ residuals[:, :, None])[:, :, 0], np.sum(weights * residuals**2, axis=1)
+
+
+def _second_derivatives(parameters, values, weights, lattice, normal):
+    """Half the sums' second derivatives (n, 9, 9), by differences; `normal` where they are not positive definite."""
+    hessian = np.empty_like(normal)
+    for k in range(parameters.shape[1]):
+        step = np.zeros(parameters.shape[1])
+        step[k] = 1e-4
+        ahead, behind = (_equations(parameters + sign * step, values, weights, lattice)[1] for sign in (1, -1))
+        hessian[:, k] = (behind - ahead) / 2e-4
+    hessian = (hessian + hessian.transpose(0, 2, 1)) / 2
+    convex = np.linalg.eigvalsh(hessian)[:, 0] > 0
+    return np.where(convex[:, None, None], hessian, normal)
+
+
+def _step(parameters, normal, right, damping):
+    """Damped steps (n, 9), and the corners' standard deviation (n,) for residuals of 1."""
+    normal, right = normal.copy(), right.copy()
+    log_s = parameters[:, _LOG_BLUR]
+    pull = right[:, _LOG_BLUR]
+    pressed = (log_s <= np.log(SMALLEST_BLUR)) & (pull < 0) | (log_s >= np.log(LARGEST_BLUR)) & (pull > 0)
+    normal[pressed, _LOG_BLUR, :] = normal[pressed, :, _LOG_BLUR] = right[pressed, _LOG_BLUR] = 0.0
+    diagonal = np.einsum("nii->ni", normal)
+    diagonal += 1e-9 * diagonal + 1e-9  # a window without an edge has no unique solution
+    covariance = np.linalg.inv(normal)[:, :2, :2]
+    diagonal += damping[:, None] * diagonal
+    step = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
+    worst = np.linalg.eigvalsh(covariance)[:, 1]
+    return np.clip(step, -_STEP_LIMITS, _STEP_LIMITS), np.sqrt(np.maximum(worst, 0.0))
+
+
+def edge_crossing(parameters, lattice):
+    """The model (n, k) of the module's text and its derivatives (n, k, 9)."""
+    x, y, first, second, log_s, mean, amplitude, slope_x, slope_y = parameters.T[:, :, None]
+    dx, dy = lattice[0] - x, lattice[1] - y
+    along, profile, slope, spreading = [], [], [], []
+    for angle in (first, second):
+        edge = _profile(np.cos(angle) * dx + np.sin(angle) * dy, np.exp(log_s))
+        for part, kind in zip(edge, (profile, slope, spreading), strict=True):
+            kind.append(part)
+        along.append(np.cos(angle) * dy - np.sin(angle) * dx)
+    product = profile[0] * profile[1]
+    model = mean + amplitude * product + slope_x * lattice[0] + slope_y * lattice[1]
+    pull = amplitude * slope[0] * profile[1], amplitude * slope[1] * profile[0]  # derivatives by the two distances
+    columns = [
+        -pull[0] * np.cos(first) - pull[1] * np.cos(second),
+        -pull[0] * np.sin(first) - pull[1] * np.sin(second),
+        pull[0] * along[0],
+        pull[1] * along[1],
+        amplitude * (spreading[0] * profile[1] + spreading[1] * profile[0]),
+        np.ones_like(product),
+        product,
+        *np.broadcast_arrays(*lattice, product)[:2],
+    ]
+    return model, np.stack(columns, axis=2)
+
+
+def _profile(distance, s):
+    """F of the module's text, and its derivatives by the distance and by log s."""
+    bells, steps = [], []
+    for t in (distance + 0.5, distance - 0.5):
+        bells.append(np.sqrt(2 / np.pi) * s * np.exp(-0.5 * (t / s) ** 2))
+        steps.append(erf(t / (np.sqrt(2) * s)))
+    spreading = bells[0] - bells[1]
+    slope = steps[0] - steps[1]
+    return distance * slope + 0.5 * (steps[0] + steps[1]) + spreading, slope, spreading
