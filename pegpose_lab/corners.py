@@ -1,28 +1,23 @@
-"""Corners of a checkerboard in a picture, to sub-pixel accuracy (Sect. 4).
+"""Corners of a checkerboard in an image, to sub-pixel accuracy (Sect. 4).
 
-OpenCV finds the grid; what it is worth is then decided here, by one fit for all corners.  Near a corner the
-picture of two crossing, blurred edges is
-
-    I = m + a erf(d_1 / (sqrt(2) s)) erf(d_2 / (sqrt(2) s)) + g_x x + g_y y,
-
-d_1 and d_2 the signed distances to the edges, s the blur, and g a gradient of the light, which would
-otherwise pull the corner.  Least squares over a round window (maximum likelihood under white noise) gives the
-corner, the directions of both edges, the blur and the levels together.
+OpenCV finds the grid (`board_grid`); what it is worth is then decided by one fit for all corners (`corner_fit`), and
+by what lies around the grid (`board_checks`).
 """
 
-import cv2
 import numpy as np
-from scipy.special import erf
 
+from .board_checks import check_ends
+from .board_grid import candidate_grids, seen_grid
 from .checks import DetectionError, as_image
+from .corner_fit import fit_corners
 
 WINDOW = 15.0  # px, largest radius of a window: noise falls with it, the pull of edges bent by the lens grows
-SMALLEST_BLUR, LARGEST_BLUR = 0.3, 5.0  # px
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
 SMALLEST_PITCH = 7.0  # px between neighbouring corners; below, a window holds too few pixels
-_STEPS = 30
-_TOLERANCE = 1e-5  # px
-_STEP_LIMITS = np.array([1.0, 1.0, 0.2, 0.2, 0.5] + [np.inf] * 4)
+LARGEST_MOVE = 0.25  # of the pitch, from where the grid was found
+LARGEST_SIGMA = 0.5  # px
+LARGEST_MISFIT = 0.4  # of the contrast, and 3 times the board's median (noise): beyond, something covers the corner
+SMALLEST_CONTRAST = 0.15  # of the board's median
 
 
 def find_corners(image, board):
@@ -58,25 +53,36 @@ def find_corners(image, board):
     image = as_image(image)
     if min(board.columns, board.rows) < 3:
         raise ValueError(f"board has {board.columns} columns and {board.rows} rows; expected at least 3 of each")
-    grid = _orient(image, _find_grid(image, board.columns, board.rows))
-    return _refine(image, grid)
+    refusal = None
+    for candidate in candidate_grids(image, board.columns, board.rows):
+        try:
+            corners = _measure(image, *candidate)
+        except DetectionError as error:
+            refusal = refusal or error
+        else:
+            check_ends(image, corners.reshape(board.rows, board.columns, 2))
+            return corners
+    raise refusal or _not_found(image, board)
 
 
-def _find_grid(image, columns, rows):
-    """The corners (rows, columns, 2) to a pixel or so, in any of the orders that fit the board."""
-    sectors = [cv2.CALIB_CB_NORMALIZE_IMAGE, cv2.CALIB_CB_EXHAUSTIVE]
-    classic = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    attempts = [(cv2.findChessboardCornersSB, flags) for flags in sectors] + [(cv2.findChessboardCorners, classic)]
-    for detect, flags in attempts if min(image.shape) > 2 * SMALLEST_PITCH else []:
-        found, corners = detect(image, (columns, rows), flags=flags)
-        if found:
-            return np.asarray(corners, np.float64).reshape(rows, columns, 2)
+def _not_found(image, board):
+    """The error for an image without the board: what is seen instead."""
     height, width = image.shape
-    raise DetectionError(
-        f"no board of {columns} x {rows} inner corners in the {width} x {height} picture (grey values "
-        f"{image.min()} to {image.max()}); show the whole board with a light rim, evenly lit and in focus; check "
-        "columns and rows"
+    seen = seen_grid(image)
+    instead = f"; a grid of {seen[0]} x {seen[1]} is seen" if seen else ""
+    return DetectionError(
+        f"no board of {board.columns} x {board.rows} inner corners in the {width} x {height} picture (grey values "
+        f"{image.min()} to {image.max()}){instead}; show the whole board with a light rim, evenly lit and in focus; "
+        "check columns and rows"
     )
+
+
+def _measure(image, grid, view, scale, offset):
+    """The corners (n, 2), px of `image`, of a grid that was found in a view of it."""
+    grid = _orient(view, grid)
+    if scale < 0.5 and _edge_normals(grid)[1].min() >= SMALLEST_PITCH:
+        grid = _refine(view, grid).reshape(grid.shape)
+    return _refine(image, (grid + 0.5) / scale - 0.5 + offset)
 
 
 def _orient(image, grid):
@@ -101,7 +107,7 @@ def _first_cell_is_dark(image, grid):
 
 
 def _refine(image, grid):
-    """Fit the model of the module's text to every corner of an oriented grid; return (n, 2) px."""
+    """Fit every corner of an oriented grid (rows, columns, 2); return (n, 2) px."""
     start = grid.reshape(-1, 2)
     normals, pitch = _edge_normals(grid)
     if pitch.min() < SMALLEST_PITCH:
@@ -111,9 +117,9 @@ def _refine(image, grid):
         )
     pixels = np.rint(start)
     values, weights, lattice = _windows(image, pixels.astype(int), np.minimum(REACH * pitch, WINDOW))
-    parameters, converged = _fit(values, weights, lattice, np.column_stack([start - pixels, normals]))
-    corners = pixels + parameters[:, :2]
-    _check(corners, start, parameters[:, 6], converged, pitch, grid.shape[1])
+    fits = fit_corners(values, weights, lattice, np.column_stack([start - pixels, normals]))
+    corners = pixels + fits.parameters[:, :2]
+    _check(corners, start, fits, pitch, grid.shape[1])
     return corners
 
 
@@ -144,69 +150,17 @@ def _windows(image, pixels, radii):
     return values, weights.astype(float), lattice.astype(float)
 
 
-def _fit(values, weights, lattice, start):
-    """Gauss-Newton on all corners at once.
-
-    Parameters are x, y, the two normals' directions, log s, m, a, g_x, g_y; `start` holds the first four.
-    Returns them (n, 9) and whether the last step was small (n,).
-    """
-    parameters = np.hstack([start, np.zeros((len(start), 5))])
-    product = _model(parameters, lattice)[1][:, :, 6]
-    total = weights.sum(axis=1)
-    parameters[:, 5] = np.sum(weights * values, axis=1) / total
-    spread = np.maximum(np.sum(weights * product**2, axis=1), 1e-9)
-    parameters[:, 6] = np.sum(weights * product * (values - parameters[:, 5:6]), axis=1) / spread
-    for _ in range(_STEPS):
-        model, jacobian = _model(parameters, lattice)
-        weighted = (jacobian * weights[:, :, None]).transpose(0, 2, 1)
-        normal = weighted @ jacobian
-        diagonal = np.einsum("nii->ni", normal)
-        diagonal += 1e-9 * diagonal + 1e-9  # a window without an edge has no unique solution
-        step = np.linalg.solve(normal, weighted @ (values - model)[:, :, None])[:, :, 0]
-        parameters += np.clip(step, -_STEP_LIMITS, _STEP_LIMITS)
-        parameters[:, 4] = np.clip(parameters[:, 4], np.log(SMALLEST_BLUR), np.log(LARGEST_BLUR))
-        small = np.abs(step[:, :2]).max(axis=1) < _TOLERANCE
-        if small.all():
-            break
-    return parameters, small
-
-
-def _model(parameters, lattice):
-    """The model (n, k) of the module's text and its derivatives (n, k, 9)."""
-    x, y, first, second, log_s, mean, amplitude, slope_x, slope_y = parameters.T[:, :, None]
-    dx, dy = lattice[0] - x, lattice[1] - y
-    s = np.exp(log_s)
-    near, along, edge, slope = [], [], [], []
-    for angle in (first, second):
-        distance = np.cos(angle) * dx + np.sin(angle) * dy
-        near.append(distance)
-        along.append(np.cos(angle) * dy - np.sin(angle) * dx)
-        edge.append(erf(distance / (np.sqrt(2) * s)))
-        slope.append(np.sqrt(2 / np.pi) / s * np.exp(-0.5 * (distance / s) ** 2))
-    product = edge[0] * edge[1]
-    model = mean + amplitude * product + slope_x * lattice[0] + slope_y * lattice[1]
-    pull = amplitude * slope[0] * edge[1], amplitude * slope[1] * edge[0]  # derivatives by the two distances
-    columns = [
-        -pull[0] * np.cos(first) - pull[1] * np.cos(second),
-        -pull[0] * np.sin(first) - pull[1] * np.sin(second),
-        pull[0] * along[0],
-        pull[1] * along[1],
-        -pull[0] * near[0] - pull[1] * near[1],
-        np.ones_like(product),
-        product,
-        *np.broadcast_arrays(*lattice, product)[:2],
-    ]
-    return model, np.stack(columns, axis=2)
-
-
-def _check(corners, start, amplitude, converged, pitch, columns):
-    """Raise if a corner ran away, did not converge, or has dark squares where its neighbours have light ones."""
+def _check(corners, start, fits, pitch, columns):
+    """Raise if a corner ran away, did not converge, is covered, or has the colours of its neighbours."""
     index = np.arange(len(corners))
     row, column = np.divmod(index, columns)
+    amplitude = fits.parameters[:, 6]
     signs = np.sign(amplitude) * (1 - 2 * ((row + column) % 2))
     majority = 1.0 if np.sum(signs) > 0 else -1.0
-    moved = np.linalg.norm(corners - start, axis=1)
-    bad = index[~converged | (signs != majority) | (moved > 0.25 * pitch)]
+    unclear = ~fits.converged | (signs != majority) | (np.linalg.norm(corners - start, axis=1) > LARGEST_MOVE * pitch)
+    unclear |= (fits.sigma > LARGEST_SIGMA) | (np.abs(amplitude) < SMALLEST_CONTRAST * np.median(np.abs(amplitude)))
+    unclear |= fits.misfit > max(LARGEST_MISFIT, 3 * np.median(fits.misfit))
+    bad = index[unclear]
     if bad.size:
         places = ", ".join(f"({start[k, 0]:.0f}, {start[k, 1]:.0f})" for k in bad[:3])
         raise DetectionError(
