@@ -43,12 +43,14 @@ def candidate_grids(image, columns, rows):
 
 
 def seen_grid(image):
-    """Columns and rows of the largest grid of corners that is seen in an image, or None."""
-    if min(image.shape) < SMALLEST_IMAGE:
-        return None
+    """The largest grid of corners (rows, columns, 2) that is seen in a reduced image, or None; and that image."""
+    view = _resized(image, COARSE)[0]
+    if min(view.shape) < SMALLEST_IMAGE:
+        return None, view
     flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_LARGER
-    found, _, cells = cv2.findChessboardCornersSBWithMeta(_resized(image, COARSE)[0], (3, 3), flags=flags)
-    return cells.shape[::-1] if found else None
+    found, corners, cells = cv2.findChessboardCornersSBWithMeta(view, (3, 3), flags=flags)
+    grid = np.asarray(corners, np.float64).reshape(*cells.shape, 2) if found else None
+    return (grid if found and _is_plausible(grid, view.shape) else None), view
 
 
 def _views(image):

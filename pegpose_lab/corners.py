@@ -62,19 +62,35 @@ def find_corners(image, board):
         else:
             check_ends(image, corners.reshape(board.rows, board.columns, 2))
             return corners
-    raise refusal or _not_found(image, board)
+    raise _not_found(image, board, refusal)
 
 
-def _not_found(image, board):
-    """The error for an image without the board: what is seen instead."""
+def _not_found(image, board, refusal):
+    """The error for an image without the board: `refusal` if a grid of its size was refused, else what is seen."""
+    asked, seen = sorted((board.columns, board.rows)), _seen_size(image)
+    if refusal and (seen is None or sorted(seen) == asked):
+        return refusal
     height, width = image.shape
-    seen = seen_grid(image)
-    instead = f"; a grid of {seen[0]} x {seen[1]} is seen" if seen else ""
+    instead = f"; a board of {seen[0]} x {seen[1]} is seen" if seen else ""
     return DetectionError(
         f"no board of {board.columns} x {board.rows} inner corners in the {width} x {height} picture (grey values "
         f"{image.min()} to {image.max()}){instead}; show the whole board with a light rim, evenly lit and in focus; "
         "check columns and rows"
     )
+
+
+def _seen_size(image):
+    """Columns and rows, the larger first, of the clear corners of whatever board is seen; None if there is none."""
+    grid, view = seen_grid(image)
+    if grid is None or min(grid.shape[:2]) < 3 or _edge_normals(grid)[1].min() < SMALLEST_PITCH:
+        return None
+    clear = ~_unclear(*_fit(view, grid), grid).reshape(grid.shape[:2])
+    for _ in range(4):  # OpenCV may count a line along the rim
+        for turn in range(4):
+            if clear.shape[0] > 3 and clear[0].mean() < 0.6:
+                clear = clear[1:]
+            clear = np.rot90(clear)
+    return (max(clear.shape), min(clear.shape)) if clear.mean() > 0.9 else None
 
 
 def _measure(image, grid, view, scale, offset):
@@ -108,19 +124,25 @@ def _first_cell_is_dark(image, grid):
 
 def _refine(image, grid):
     """Fit every corner of an oriented grid (rows, columns, 2); return (n, 2) px."""
-    start = grid.reshape(-1, 2)
-    normals, pitch = _edge_normals(grid)
-    if pitch.min() < SMALLEST_PITCH:
+    pitch = _edge_normals(grid)[1].min()
+    if pitch < SMALLEST_PITCH:
         raise DetectionError(
-            f"neighbouring corners are down to {pitch.min():.1f} px apart; at least {SMALLEST_PITCH:g} px are "
+            f"neighbouring corners are down to {pitch:.1f} px apart; at least {SMALLEST_PITCH:g} px are "
             "needed: bring the board closer or take a larger picture"
         )
+    corners, fits = _fit(image, grid)
+    _check(corners, fits, grid)
+    return corners
+
+
+def _fit(image, grid):
+    """Corners (n, 2), px, of a grid (rows, columns, 2), and their fits."""
+    start = grid.reshape(-1, 2)
+    normals, pitch = _edge_normals(grid)
     pixels = np.rint(start)
     values, weights, lattice = _windows(image, pixels.astype(int), np.minimum(REACH * pitch, WINDOW))
     fits = fit_corners(values, weights, lattice, np.column_stack([start - pixels, normals]))
-    corners = pixels + fits.parameters[:, :2]
-    _check(corners, start, fits, pitch, grid.shape[1])
-    return corners
+    return pixels + fits.parameters[:, :2], fits
 
 
 def _edge_normals(grid):
@@ -150,20 +172,24 @@ def _windows(image, pixels, radii):
     return values, weights.astype(float), lattice.astype(float)
 
 
-def _check(corners, start, fits, pitch, columns):
-    """Raise if a corner ran away, did not converge, is covered, or has the colours of its neighbours."""
-    index = np.arange(len(corners))
-    row, column = np.divmod(index, columns)
+def _unclear(corners, fits, grid):
+    """Which corners (n,) ran away, did not converge, are covered, or have the colours of their neighbours."""
+    row, column = np.divmod(np.arange(len(corners)), grid.shape[1])
     amplitude = fits.parameters[:, 6]
     signs = np.sign(amplitude) * (1 - 2 * ((row + column) % 2))
     majority = 1.0 if np.sum(signs) > 0 else -1.0
-    unclear = ~fits.converged | (signs != majority) | (np.linalg.norm(corners - start, axis=1) > LARGEST_MOVE * pitch)
-    unclear |= (fits.sigma > LARGEST_SIGMA) | (np.abs(amplitude) < SMALLEST_CONTRAST * np.median(np.abs(amplitude)))
-    unclear |= fits.misfit > max(LARGEST_MISFIT, 3 * np.median(fits.misfit))
-    bad = index[unclear]
-    if bad.size:
-        places = ", ".join(f"({start[k, 0]:.0f}, {start[k, 1]:.0f})" for k in bad[:3])
+    moved = np.linalg.norm(corners - grid.reshape(-1, 2), axis=1)
+    unclear = ~fits.converged | (signs != majority) | (moved > LARGEST_MOVE * _edge_normals(grid)[1])
+    faint = np.abs(amplitude) < SMALLEST_CONTRAST * np.median(np.abs(amplitude))
+    return unclear | faint | (fits.sigma > LARGEST_SIGMA) | (fits.misfit > max(LARGEST_MISFIT, 3 * np.median(fits.misfit)))
+
+
+def _check(corners, fits, grid):
+    """Raise if a corner is unclear."""
+    bad = grid.reshape(-1, 2)[_unclear(corners, fits, grid)]
+    if len(bad):
+        places = ", ".join(f"({x:.0f}, {y:.0f})" for x, y in bad[:3])
         raise DetectionError(
-            f"{bad.size} of {len(corners)} corners are not clear crossings of two edges, near {places} px; look "
+            f"{len(bad)} of {len(corners)} corners are not clear crossings of two edges, near {places} px; look "
             "there for glare, dirt or something in front of the board"
         )
