@@ -14,6 +14,7 @@ from .corner_fit import fit_corners
 WINDOW = 15.0  # px, largest radius of a window: noise falls with it, the pull of edges bent by the lens grows
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
 SMALLEST_PITCH = 7.0  # px between neighbouring corners; below, a window holds too few pixels
+PASSES = 3
 LARGEST_MOVE = 0.25  # of the pitch, from where the grid was found
 LARGEST_SIGMA = 0.5  # px
 LARGEST_MISFIT = 0.4  # of the contrast, and 3 times the board's median (noise): beyond, something covers the corner
@@ -136,13 +137,19 @@ def _refine(image, grid):
 
 
 def _fit(image, grid):
-    """Corners (n, 2), px, of a grid (rows, columns, 2), and their fits."""
-    start = grid.reshape(-1, 2)
-    normals, pitch = _edge_normals(grid)
-    pixels = np.rint(start)
-    values, weights, lattice = _windows(image, pixels.astype(int), np.minimum(REACH * pitch, WINDOW))
-    fits = fit_corners(values, weights, lattice, np.column_stack([start - pixels, normals]))
-    return pixels + fits.parameters[:, :2], fits
+    """Corners (n, 2), px, of a grid (rows, columns, 2), and their fits.
+
+    Window and start come from the grid at first, then from the corners: what is found depends on the image alone.
+    """
+    corners = grid.reshape(-1, 2)
+    start = _edge_normals(grid)[0]
+    for last in [False] * (PASSES - 1) + [True]:
+        pixels, offsets = np.rint(corners), corners - np.rint(corners)
+        _, pitch = _edge_normals(corners.reshape(grid.shape))
+        values, weights, lattice = _windows(image, pixels.astype(int), offsets, np.minimum(REACH * pitch, WINDOW))
+        fits = fit_corners(values, weights, lattice, np.column_stack([offsets, start]), rough=not last)
+        corners, start = pixels + fits.parameters[:, :2], fits.parameters[:, 2:]
+    return corners, fits
 
 
 def _edge_normals(grid):
@@ -157,19 +164,21 @@ def _edge_normals(grid):
     return np.column_stack([first.ravel(), second.ravel()]), pitch.ravel()
 
 
-def _windows(image, pixels, radii):
-    """Grey values and weights (n, k) in square windows around pixels, and the windows' lattice (2, k).
+def _windows(image, pixels, offsets, radii):
+    """Grey values and weights (n, k) in windows around pixels, and the windows' lattice (2, k).
 
-    The weight is 1 within the radius and the picture, else 0.
+    The weight is 1 within the radius around pixel + offset and falls to 0 over one px; outside of the image it is 0.
     """
-    half = int(np.ceil(radii.max()))
+    half = int(np.ceil(radii.max() + 1.3))  # an offset is up to 0.71 px
     lattice = np.indices((2 * half + 1, 2 * half + 1)).reshape(2, -1)[::-1] - half
+    lattice = lattice[:, np.hypot(*lattice) <= half]
     x, y = (pixels[:, :, None] + lattice).transpose(1, 0, 2)
     height, width = image.shape
     seen = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    weights = seen & (np.hypot(*lattice) <= radii[:, None])
+    distances = np.hypot(*(lattice - offsets[:, :, None]).transpose(1, 0, 2))
+    weights = seen * np.clip(radii[:, None] - distances + 0.5, 0.0, 1.0)
     values = image[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)].astype(float)
-    return values, weights.astype(float), lattice.astype(float)
+    return values, weights, lattice.astype(float)
 
 
 def _unclear(corners, fits, grid):
