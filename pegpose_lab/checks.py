@@ -20,6 +20,8 @@ def as_image(image, name="image"):
     ValueError
         If it is not a two-dimensional, non-empty array of 8-bit grey values.
     """
+    if image is None:
+        raise ValueError(f"{name} is None, as cv2.imread returns for a file that was not read; check its path")
     array = np.asarray(image)
     if array.ndim != 2 or array.size == 0 or array.dtype != np.uint8:
         raise ValueError(
