@@ -53,16 +53,17 @@ def distort_radius(radius, kappa1):
     scale = np.sqrt(3 * np.maximum(np.abs(kappa1), np.finfo(float).tiny))
     argument = 1.5 * radius * scale
     root = np.sinh(np.arcsinh(argument) / 3)
-    pincushion, none = kappa1 < 0, kappa1 == 0
+    pincushion = np.broadcast_to(kappa1 < 0, root.shape)
     if pincushion.any():
-        root = np.where(pincushion, np.sin(np.arcsin(np.minimum(argument, 1.0)) / 3), root)
+        third = np.arcsin(np.minimum(argument, 1.0), where=pincushion, out=np.zeros(root.shape)) / 3
+        root = np.sin(third, where=pincushion, out=np.array(root))
     root = root * (2 / scale)
-    if none.any():
-        root = np.where(none, radius, root)
+    if np.any(kappa1 == 0):
+        root = np.where(kappa1 == 0, radius, root)
     stretch = kappa1 * root**2
     excess, slope = root * (1 + stretch) - radius, 1 + 3 * stretch
-    if pincushion.any():  # at the turning point the slope is 0
-        reachable = radius <= max_undistorted_radius(kappa1) * (1 - 1e-6)
+    reachable = radius <= max_undistorted_radius(kappa1) * (1 - 1e-6)  # at the turning point the slope is 0
+    if not np.all(reachable):
         excess, slope = np.where(reachable, excess, 0.0), np.where(reachable, slope, 1.0)
     return root - excess / slope
 
