@@ -17,14 +17,18 @@ from .camera import OpenCVCamera, demand_tsai
 from .checks import CalibrationError, as_number, as_views
 from .fitting import fit_views
 from .lens_models import GivenFocalLength, TsaiModel, lens_model
-from .starts import focal_length_of, homographies_of, pnp, poses_of
-from .tsai import SMALL_TILT, TILT_SIGNIFICANCE, is_planar
+from .planes import is_planar, relief
+from .starts import focal_length_of, homographies_of, plane_rotations, pnp, poses_of
+from .tsai import SMALL_TILT, TILT_SIGNIFICANCE
 
 LITTLE_WORTH = 0.05
 """Relative sigma of f times the root of the number of views, above which the information about f is put to the test."""
 
 FLAGGED_SHARE, REFUSED_SHARE = 0.03, 0.1
 """Parts of the information about f that the noise makes, from which it is flagged and refused."""
+
+LEAST_RELIEF = 2e-3
+"""Relief of points (see `planes.relief`) from which f does not rest on the tilt alone; on less it could not."""
 
 LEAST_RISE = 25.0
 """Variances by which the sum of squares must grow when f is changed by one of `OTHER_FACTORS`."""
@@ -229,7 +233,7 @@ def calibrate_dlt(object_points, image_points, camera):
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm, n >= 5, of one z.
+        mm, n >= 5, of one plane.
     image_points : (n, 2) array_like
         px.
     camera : TsaiCamera
@@ -250,14 +254,17 @@ def calibrate_dlt(object_points, image_points, camera):
     object_points, image_points = as_views([object_points], [image_points], MINIMUM_POINTS)
     demand_tsai(camera)
     if not is_planar(object_points[0]):
-        raise ValueError("object_points differ in z; expected a plane")
-    views = Views.stack(object_points, image_points)
-    homographies = homographies_of(views, camera)
+        raise ValueError(
+            f"object_points leave the plane through them by {100 * relief(object_points[0]):.2g} % of their width; "
+            "expected a plane"
+        )
+    views, planes = Views.stack(object_points, image_points), plane_rotations(object_points)
+    homographies = homographies_of(views, planes, camera)
     focal_length = focal_length_of(homographies)
     if focal_length is None:
         raise CalibrationError("the homography belongs to no camera with this principal point; tilt the board more")
     camera = replace(camera, focal_length=focal_length, kappa1=0.0)
-    pose = State(np.zeros(0), *poses_of(homographies, focal_length)).poses(views)[0]
+    pose = State(np.zeros(0), *poses_of(homographies, planes, focal_length)).poses(views)[0]
     return Calibration(camera, [pose], [camera.project(object_points[0], pose) - image_points[0]])
 
 
@@ -286,11 +293,12 @@ def _judge(fit, object_points):
 
 def _demand_tilt(fit, object_points):
     """The largest tilt of planes, deg (90 of other objects); refused if none is more than its own sigma explains."""
-    if not all(is_planar(points) for points in object_points):
+    if any(relief(points) > LEAST_RELIEF for points in object_points):
         return 90.0
     tilts, sigmas, matrix = [], [], fit.covariance.to_numpy()
-    for first, rotation in zip(range(len(fit.model.names), len(matrix), 6), fit.state.rotations, strict=True):
-        across = np.array([-rotation[1, 2], rotation[0, 2]])  # the axis of the tilt, times its sine
+    normals = (fit.state.rotations @ plane_rotations(object_points).transpose(0, 2, 1))[:, :, 2]
+    for first, (x, y, _) in zip(range(len(fit.model.names), len(matrix), 6), normals, strict=True):
+        across = np.array([-y, x])  # the axis of the tilt, times its sine
         sine = np.linalg.norm(across)
         axis = across / sine if sine > 0 else np.array([1.0, 0.0])
         tilts.append(np.degrees(np.arcsin(min(sine, 1.0))))

@@ -6,7 +6,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from .bundle import State, evaluate
 from .checks import CalibrationError
-from .tsai import is_planar, solve_coplanar, solve_noncoplanar
+from .planes import is_planar, plane_frame
+from .tsai import solve_coplanar, solve_noncoplanar
 
 
 def find_start(model, views, object_points, image_points):
@@ -15,10 +16,11 @@ def find_start(model, views, object_points, image_points):
     matrix, focal_length = np.diag([*camera.pixels_per_mm, 1.0]), None
     matrix[:2, 2] = camera.principal_point
     if all(is_planar(points) for points in object_points):
-        sensor = homographies_of(views, camera)
+        planes = plane_rotations(object_points)
+        sensor = homographies_of(views, planes, camera)
         focal_length = focal_length_of(sensor)
     if focal_length is not None:
-        rotations, positions = poses_of(sensor, focal_length)
+        rotations, positions = poses_of(sensor, planes, focal_length)
         state = State(model.start(focal_length), rotations, positions)
         if evaluate(model, views, state) is not None:
             return state
@@ -32,10 +34,17 @@ def find_start(model, views, object_points, image_points):
     return State(model.start(focal_length), rotations, np.array([pose.translation for pose in poses]))
 
 
-def homographies_of(views, camera):
-    """Homographies (V, 3, 3) from the planes to the sensor, mm, by the normalised direct linear transform."""
+def plane_rotations(object_points):
+    """Rotations (V, 3, 3) of the objects' frames into those of the planes through their points."""
+    return np.array([plane_frame(points).rotation.as_matrix() for points in object_points])
+
+
+def homographies_of(views, planes, camera):
+    """Homographies (V, 3, 3) from the planes (see `plane_rotations`), with the origin at the points' centroid, to the
+    sensor, mm, by the normalised direct linear transform."""
     sensor = (views.image - camera.principal_point) / camera.pixels_per_mm
-    source, from_plane = _normalised(views.points[:, :, :2], views.used)
+    in_plane = views.points @ planes.transpose(0, 2, 1)
+    source, from_plane = _normalised(in_plane[:, :, :2], views.used)
     target, from_sensor = _normalised(sensor, views.used)
     ones, zeros = views.used[:, :, None], np.zeros_like(source[:, :, :1])
     rows = np.concatenate([source, ones, zeros, zeros, zeros], axis=2)
@@ -74,14 +83,14 @@ def focal_length_of(homographies):
     return inverse_square**-0.5 if inverse_square > 0 else None
 
 
-def poses_of(homographies, focal_length):
-    """Rotations (V, 3, 3) and positions (V, 3) of planes from their homographies to the sensor."""
+def poses_of(homographies, planes, focal_length):
+    """Rotations (V, 3, 3) of the objects and positions (V, 3) of their centroids, from the planes' homographies."""
     columns = np.diag([1 / focal_length, 1 / focal_length, 1.0]) @ homographies
     scale = (np.linalg.norm(columns[:, :, 0], axis=1) + np.linalg.norm(columns[:, :, 1], axis=1)) / 2
     columns = columns * (np.sign(columns[:, 2, 2]) / scale)[:, None, None]
     third = np.cross(columns[:, :, 0], columns[:, :, 1])
     left, _, right = np.linalg.svd(np.stack([columns[:, :, 0], columns[:, :, 1], third], axis=2))
-    return left @ right, columns[:, :, 2]
+    return left @ right @ planes, columns[:, :, 2]
 
 
 def _linear_focal_length(object_points, image_points, camera):

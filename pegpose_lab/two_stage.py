@@ -14,7 +14,8 @@ from .camera import demand_tsai, distort_radius, max_undistorted_radius
 from .checks import CalibrationError, as_matched_points, as_number
 from .genetic import minimize_genetic
 from .joint import profile_focal_length
-from .tsai import is_planar, solve_coplanar, solve_noncoplanar
+from .planes import is_planar
+from .tsai import solve_coplanar, solve_noncoplanar
 
 BOX = 0.25
 """Half-width of stage 2's box, as a fraction of the linear f and T_z (Eq. 5)."""
@@ -35,7 +36,7 @@ def calibrate_tsai(object_points, image_points, camera):
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm.  One z for all (a board in its own frame, n >= 5): `solve_coplanar`; else (n >= 7)
+        mm.  Of one plane (a board, also as measured, in any frame; n >= 5): `solve_coplanar`; else (n >= 7)
         `solve_noncoplanar`, which also corrects scale_x.
     image_points : (n, 2) array_like
         px.
