@@ -172,9 +172,9 @@ def descend(model, views, state, weights):
     equations, damping, growth = Equations.of(*evaluated, weights), 1e-4, 2.0
     count, floor = views.used.sum(), np.sum(weights) * SMALLEST_RMS**2
     for _ in range(MAX_STEPS):
-        *step, promised = equations.step(damping)
-        trial = state.moved(*step)
-        evaluated = evaluate(model, views, trial) if promised > 0 else None
+        step, promised = _step(equations, damping)
+        trial = state.moved(*step) if promised > 0 else None
+        evaluated = None if trial is None else evaluate(model, views, trial)
         found = None if evaluated is None else Equations.of(*evaluated, weights)
         noise = max(equations.cost, floor) / count
         if found is not None and found.cost <= equations.cost:
@@ -187,8 +187,17 @@ def descend(model, views, state, weights):
             return state, equations, True
         if damping > 1e12:
             break
-    near = equations.step(0.0)[-1] <= NEAR**2 * max(equations.cost, floor) / count
+    near = _step(equations, 0.0)[1] <= NEAR**2 * max(equations.cost, floor) / count
     return state, equations, bool(near)
+
+
+def _step(equations, damping):
+    """The step and what it promises; where the equations are singular none, which promises nan: more damping helps."""
+    try:
+        *step, promised = equations.step(damping)
+    except np.linalg.LinAlgError:
+        return None, np.nan
+    return step, promised
 
 
 def minimise_robust(model, views, state, loss):

@@ -23,8 +23,9 @@ from .tsai import LOOSE_INTERVAL
 MINIMUM_POINTS = 5
 """Points of a view: a plane's five ratios (Tsai)."""
 
-SMALLEST_SINGULAR = 1e-10
-"""Smallest singular value of a Jacobian with columns of one length, relative to the largest."""
+SWAPPED = 0.25
+"""Distance of a principal point from the swapped image's centre, as a fraction of that between the two centres, below
+which width and height are taken for swapped."""
 
 LOOSE_CENTER = 0.05
 """Length of a 95 % interval of the principal point, as a fraction of the picture's, above which it is flagged."""
@@ -136,22 +137,6 @@ def pose_names(count):
     return [f"{name}_{view}" for view in range(count) for name in ("rx", "ry", "rz", "tx", "ty", "tz")]
 
 
-def covariance_table(jacobian, squared_sum, names):
-    """sigma^2 (J^T J)^-1 with sigma^2 = squared_sum / (rows - columns), as a labelled table."""
-    rows, columns = jacobian.shape
-    if rows <= columns:
-        raise CalibrationError(f"{rows} coordinates cannot determine {columns} parameters; add points or views")
-    scale = np.linalg.norm(jacobian, axis=0)
-    _, singular, right = np.linalg.svd(jacobian / np.where(scale > 0, scale, 1), full_matrices=False)
-    if scale.min() == 0 or singular[-1] < SMALLEST_SINGULAR * singular[0]:
-        raise CalibrationError(
-            f"the views do not determine all of {', '.join(names[: -6 * (len(names) // 6)])}: some can change "
-            "together without moving a point; add views of other tilts (about 30 deg)"
-        )
-    root = right.T / singular / scale[:, None]
-    return pd.DataFrame(squared_sum / (rows - columns) * root @ root.T, names, names)
-
-
 def judge_focal_length(covariance, name, value, unit, freedom):
     """Flags by the 95 % interval of f, by Student's t of `freedom` degrees; CalibrationError if it reaches 0."""
     half = _half_interval(covariance, name, freedom)
@@ -171,6 +156,19 @@ def judge_principal_point(covariance, image_size, freedom):
         return ()
     found = " and ".join(f"{name} to +-{half:.3g} px" for name, half in zip(free, halves, strict=True))
     return (f"The views hardly determine the principal point (95 %: {found}): add tilted views, or keep it fixed.",)
+
+
+def judge_image_size(camera):
+    """A flag if the principal point is where the centre of an image with width and height swapped is."""
+    center = camera.principal_point if isinstance(camera, TsaiCamera) else camera.camera_matrix[:2, 2]
+    middle, swapped = (np.subtract(size, 1) / 2 for size in (camera.image_size, camera.image_size[::-1]))
+    apart = np.linalg.norm(swapped - middle)
+    if not np.linalg.norm(center - swapped) < SWAPPED * apart:
+        return ()
+    return (
+        f"The principal point ({center[0]:.0f}, {center[1]:.0f}) px is that of an image of {camera.image_size[1]} x "
+        f"{camera.image_size[0]} px: is image_size (width, height) swapped?",
+    )
 
 
 def _half_interval(covariance, name, freedom):

@@ -1,4 +1,4 @@
-"""A lens model fitted to all views: from the start to the covariance; what it is worth others judge (`joint`)."""
+"""A lens model fitted to all views: from the start to the covariance; what it is worth others judge (`joint`, `misfit`)."""
 
 from dataclasses import dataclass
 
@@ -26,19 +26,36 @@ class Fit:
     freedom: int
     covariance: pd.DataFrame
 
+    @property
+    def squares(self):
+        """Sum of the squared residuals, px^2; with a robust loss that of `pseudo_residuals`."""
+        return self.variance * self.freedom
+
 
 def fit_views(model, object_points, image_points, loss="linear"):
     """Minimise; not yet judged."""
     views = Views.stack(object_points, image_points)
+    _demand_freedom(model, views)
     state = find_start(model, views, object_points, image_points)
-    count, unknowns = 2 * int(views.used.sum()), len(model.names) + 6 * len(object_points)
-    freedom = count - unknowns
-    if freedom <= 0:
-        raise CalibrationError(f"{count} coordinates cannot determine {unknowns} parameters; add points or views")
-    state, equations = minimise(model, views, state, views.used)
-    weights, variance = views.used, max(equations.cost / freedom, SMALLEST_RMS**2)
-    if loss != "linear":
-        state, weights, variance = minimise_robust(model, views, state, loss)
-        equations = Equations.of(*evaluate(model, views, state), views.used)
+    state = minimise(model, views, state, views.used)[0]
+    if loss == "linear":
+        return fit_at(model, views, state)
+    return fit_at(model, views, *minimise_robust(model, views, state, loss))
+
+
+def fit_at(model, views, state, weights=None, variance=None):
+    """The `Fit` of a state that is a minimum; the variance is that of the residuals if it is not given."""
+    freedom = _demand_freedom(model, views)
+    equations = Equations.of(*evaluate(model, views, state), views.used)
+    if variance is None:
+        weights, variance = views.used, max(equations.cost / freedom, SMALLEST_RMS**2)
     covariance = covariance_of(model, views, state, equations, variance)
     return Fit(model, views, state, equations, weights, variance, freedom, covariance)
+
+
+def _demand_freedom(model, views):
+    """The degrees of freedom, refused if there are none."""
+    count, unknowns = 2 * int(views.used.sum()), len(model.names) + 6 * len(views.used)
+    if count <= unknowns:
+        raise CalibrationError(f"{count} coordinates cannot determine {unknowns} parameters; add points or views")
+    return count - unknowns

@@ -6,19 +6,18 @@ larger than its own noise, the noise makes it, more so with every view, and f is
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 from scipy import stats
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from .bundle import Equations, State, Views, descend, evaluate, in_words, minimise
-from .calibration import MINIMUM_POINTS, Calibration, judge_focal_length, judge_principal_point, pose_names
-from .camera import OpenCVCamera, demand_tsai
-from .checks import CalibrationError, as_number, as_views
+from .calibration import MINIMUM_POINTS, Calibration, judge_focal_length, judge_image_size, judge_principal_point, pose_names
+from .camera import demand_tsai
+from .checks import CalibrationError, as_choice, as_number, as_views, undetermined_if_singular
 from .fitting import fit_views
-from .lens_models import GivenFocalLength, TsaiModel, lens_model
+from .lens_models import GivenFocalLength, lens_model
+from .misfit import judge_misfit, views_in_doubt
 from .planes import is_planar, relief
-from .starts import focal_length_of, homographies_of, plane_rotations, pnp, poses_of
+from .starts import demand_views, focal_length_of, homographies_of, plane_rotations, poses_of
 from .tsai import SMALL_TILT, TILT_SIGNIFICANCE
 
 LITTLE_WORTH = 0.05
@@ -39,10 +38,8 @@ OTHER_FACTORS = (1 / 2, 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64)
 PROFILED, PROFILE_STEP = 20.0, 0.05
 """How far from the best f its profile is followed, as a factor, and in which steps of ln f."""
 
-POSE_STEPS = 8
-"""Gauss-Newton steps of `board_pose`: from OpenCV's answer two or three are enough."""
 
-
+@undetermined_if_singular()
 def calibrate_joint(
     object_points, image_points, camera, *, principal_point="free", focal="one", coefficients=None, loss="linear"
 ):
@@ -90,12 +87,18 @@ def calibrate_joint(
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
     demand_tsai(camera)
-    _demand(principal_point, "principal_point", ("free", "fixed"))
-    _demand(focal, "focal", ("one", "two"))
-    _demand(loss, "loss", ("linear", "huber", "cauchy"))
+    as_choice(principal_point, "principal_point", ("free", "fixed"))
+    as_choice(focal, "focal", ("one", "two"))
+    as_choice(loss, "loss", ("linear", "huber", "cauchy"))
     model = lens_model(camera, principal_point == "free", focal == "two", coefficients)
+    demand_views(object_points, image_points, camera.image_size)
     fit = fit_views(model, object_points, image_points, loss)
-    flags = _judge(fit, object_points)
+    try:
+        flags = _judge(fit, object_points)
+    except CalibrationError as error:
+        doubt = views_in_doubt(fit, object_points, image_points, loss)
+        raise CalibrationError(f"{doubt} With all views: {error}" if doubt else str(error)) from error
+    flags += judge_misfit(fit, object_points, image_points, loss)
     found, poses = model.camera(fit.state.shared), fit.state.poses(fit.views)
     residuals = [
         found.project(points, pose) - measured
@@ -104,6 +107,7 @@ def calibrate_joint(
     return Calibration(found, poses, residuals, flags, covariance=fit.covariance)
 
 
+@undetermined_if_singular()
 def profile_focal_length(object_points, image_points, camera, *, principal_point="free", level=0.95):
     r"""The interval of f by its profile likelihood: all f with which the views can be explained nearly as well.
 
@@ -136,7 +140,8 @@ def profile_focal_length(object_points, image_points, camera, *, principal_point
     level = as_number(level, "level", 0, 1, exclusive=True)
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
     demand_tsai(camera)
-    _demand(principal_point, "principal_point", ("free", "fixed"))
+    as_choice(principal_point, "principal_point", ("free", "fixed"))
+    demand_views(object_points, image_points, camera.image_size)
     fit = fit_views(lens_model(camera, principal_point == "free", False, None), object_points, image_points)
     _demand_tilt(fit, object_points)
     _demand_signal(fit)
@@ -183,50 +188,7 @@ def _crossing(fit, state, outside, limit):
     return float(np.sqrt(state.shared[0] * outside))
 
 
-def board_pose(object_points, image_points, camera):
-    """Pose of one object through a known camera: least squares over the image points.
-
-    Parameters
-    ----------
-    object_points : (n, 3) array_like
-        mm, n >= 4; of a plane, or not.
-    image_points : (n, 2) array_like
-        px.
-    camera : TsaiCamera or OpenCVCamera
-
-    Returns
-    -------
-    RigidTransform
-        cam_from_object.
-
-    Raises
-    ------
-    ValueError
-        If the input is unusable, or points lie on a line: any turn about it is possible.
-    CalibrationError
-        If no pose is found.
-    """
-    (object_points,), (image_points,) = as_views([object_points], [image_points], 4)
-    pose = pnp(object_points, camera.to_normalized(image_points), np.eye(3))
-    if isinstance(camera, OpenCVCamera):
-        lens = camera.camera_matrix, camera.dist_coeffs
-        start = pose.rotation.as_rotvec(), pose.translation
-        rotation, translation = cv2.solvePnPRefineLM(object_points, image_points, *lens, *start)
-        return RigidTransform.from_components(translation.ravel(), Rotation.from_rotvec(rotation.ravel()))
-    model, views = TsaiModel(camera, False, False), Views.stack([object_points], [image_points])
-    shared = np.array([camera.focal_length, camera.kappa1])
-    rotation, position = pose.rotation.as_matrix(), pose.apply(views.centroids)
-    state = State(shared, rotation[None], position)
-    for _ in range(POSE_STEPS):
-        evaluated = evaluate(model, views, state)
-        if evaluated is None:
-            raise CalibrationError("no pose sees all points; check their order")
-        residuals, jacobian = evaluated
-        step = np.linalg.lstsq(jacobian[..., 2:].reshape(-1, 6), -residuals.ravel(), rcond=None)[0]
-        state = state.moved(0.0, step[None, :3], step[None, 3:])
-    return state.poses(views)[0]
-
-
+@undetermined_if_singular()
 def calibrate_dlt(object_points, image_points, camera):
     """The direct linear transform of one view of a plane: homography, f by Zhang's two constraints, pose.
 
@@ -258,6 +220,7 @@ def calibrate_dlt(object_points, image_points, camera):
             f"object_points leave the plane through them by {100 * relief(object_points[0]):.2g} % of their width; "
             "expected a plane"
         )
+    demand_views(object_points, image_points, camera.image_size)
     views, planes = Views.stack(object_points, image_points), plane_rotations(object_points)
     homographies = homographies_of(views, planes, camera)
     focal_length = focal_length_of(homographies)
@@ -274,6 +237,7 @@ def _judge(fit, object_points):
     value, name, unit = fit.state.shared[0], fit.model.names[0], fit.model.unit
     flags = judge_focal_length(fit.covariance, name, value, unit, fit.freedom)
     flags += judge_principal_point(fit.covariance, fit.model.start_camera.image_size, fit.freedom)
+    flags += judge_image_size(fit.model.camera(fit.state.shared))
     if _is_suspect(fit, largest):
         share = _demand_signal(fit)
         _demand_ends(fit)
@@ -340,7 +304,10 @@ def _noise_share(fit):
     with S taken at poses moved by the columns c_k of the root of this covariance.  Of the information about f alone,
     which is :math:`u^T S u` along :math:`u = S^{-1} e_1`, the share is :math:`u^T \Delta S u / u^T S u`.
     """
-    root = np.linalg.cholesky(np.linalg.inv(fit.equations.c) * fit.variance)
+    try:
+        root = np.linalg.cholesky(np.linalg.inv(fit.equations.c) * fit.variance)
+    except np.linalg.LinAlgError:  # a pose that the points do not determine, to the last digits
+        return np.inf
     information = fit.equations.eliminated()[0]
     added = np.zeros_like(information)
     for column in np.concatenate([root, -root], axis=2).transpose(2, 0, 1):
@@ -411,8 +378,3 @@ def weakest_direction(calibration):
     shifts = np.zeros((len(poses) // 6, 6))
     shifts[:, 5] = vectors[len(names) :, 0]
     return float(values[0]), in_words(names, vectors[: len(names), 0], shifts)
-
-
-def _demand(value, name, allowed):
-    if value not in allowed:
-        raise ValueError(f"{name} is {value!r}; expected {' or '.join(map(repr, allowed))}")

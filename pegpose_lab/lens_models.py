@@ -11,6 +11,7 @@ COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 
 
 def lens_model(camera, free_center, two_focal_lengths, coefficients):
+    """The model of these options of `calibrate_joint`; ValueError if there are no such coefficients."""
     if coefficients is None:
         return TsaiModel(camera, free_center, two_focal_lengths)
     coefficients = tuple(coefficients) if np.iterable(coefficients) else (coefficients,)
@@ -23,9 +24,11 @@ class TsaiModel:
     """The paper's camera: f, (scale_x), kappa1, (c_x, c_y)."""
 
     unit = "mm"
+    """Of f, the first parameter."""
 
     def __init__(self, camera, free_center, two_focal_lengths):
-        self.start_camera = camera
+        self.start_camera, self.free_center, self.two = camera, free_center, two_focal_lengths
+        self.coefficient_names = None
         free = [True, two_focal_lengths, True, free_center, free_center]
         self.names = [name for name, kept in zip(("focal_length", "scale_x", "kappa1", "c_x", "c_y"), free) if kept]
         self.columns = np.flatnonzero(free)
@@ -75,7 +78,8 @@ class TsaiModel:
         by_shared[:, 0, 1] = x_d[:, 0] * scale[0] / camera.scale_x
         by_shared[:, :, 2] = scale * (-h * squared / s) * x_u
         by_shared[:, 0, 3] = by_shared[:, 1, 4] = 1
-        return camera.to_image(x_d), by_shared[:, :, self.columns], derivative_by_point(by_x_u, x_u, camera.focal_length, points)
+        by_point = derivative_by_point(by_x_u, x_u, camera.focal_length, points)
+        return camera.to_image(x_d), by_shared[:, :, self.columns], by_point
 
 
 class OpenCVModel:
@@ -86,6 +90,7 @@ class OpenCVModel:
     def __init__(self, camera, free_center, two_focal_lengths, coefficients):
         self.start_camera, self.two, self.free_center = camera, two_focal_lengths, free_center
         self.aspect = camera.pixels_per_mm[1] / camera.pixels_per_mm[0]
+        self.coefficient_names = tuple(coefficients)
         self.coefficients = [COEFFICIENTS.index(name) for name in coefficients]
         self.names = ["f_x", *["f_y"] * two_focal_lengths, *("c_x", "c_y") * free_center, *coefficients]
 

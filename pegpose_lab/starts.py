@@ -4,10 +4,58 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .bundle import State, evaluate
-from .checks import CalibrationError
+from .bundle import State, Views, evaluate
+from .checks import CalibrationError, demand_inside
 from .planes import is_planar, plane_frame
 from .tsai import solve_coplanar, solve_noncoplanar
+
+
+UNKNOWN_SIZE = (1, 1)
+"""The image size that a camera has if none was given."""
+
+DISORDER = 0.25
+"""Residual of a plane's homography, in units of the points' spread per axis, above which their order is wrong: wrong
+orders leave 0.3 to 0.8, lenses of any distortion at most 0.07 and noise of a fifth of a square 0.2."""
+
+
+def demand_views(object_points, image_points, image_size):
+    """Refuse views whose points lie outside of the image (where its size is known), or are in another order.
+
+    Raises
+    ------
+    ValueError
+        See `demand_inside`.
+    CalibrationError
+        See `demand_order`.
+    """
+    if tuple(image_size) != UNKNOWN_SIZE:
+        for view, points in enumerate(image_points):
+            demand_inside(points, image_size, f"[{view}]" if len(image_points) > 1 else "")
+    demand_order(object_points, image_points)
+
+
+def demand_order(object_points, image_points):
+    """Refuse planes of which the image points are no perspective image, not even roughly: their order is wrong.
+
+    Raises
+    ------
+    CalibrationError
+        With the views, counted from 0.
+    """
+    planar = [view for view, points in enumerate(object_points) if is_planar(points)]
+    if not planar:
+        return
+    views = Views.stack(*([points[view] for view in planar] for points in (object_points, image_points)))
+    planes = plane_rotations([object_points[view] for view in planar])
+    left = _linear_homographies(views, planes, views.image)[1]
+    wrong = [view for view, residual in zip(planar, left, strict=True) if residual > DISORDER]
+    if wrong:
+        which = "" if len(object_points) == 1 else f" of view{'s' * (len(wrong) > 1)} {', '.join(map(str, wrong))}"
+        raise CalibrationError(
+            f"the image points{which} are no image of the plane (a homography misses them by "
+            f"{100 * max(left):.0f} % of their spread): they are not in the order of object_points; check the order, and "
+            "that the board's columns and rows are not mixed up"
+        )
 
 
 def find_start(model, views, object_points, image_points):
@@ -42,10 +90,15 @@ def plane_rotations(object_points):
 def homographies_of(views, planes, camera):
     """Homographies (V, 3, 3) from the planes (see `plane_rotations`), with the origin at the points' centroid, to the
     sensor, mm, by the normalised direct linear transform."""
-    sensor = (views.image - camera.principal_point) / camera.pixels_per_mm
+    return _linear_homographies(views, planes, (views.image - camera.principal_point) / camera.pixels_per_mm)[0]
+
+
+def _linear_homographies(views, planes, target):
+    """Homographies (V, 3, 3) from planes to target points (V, m, 2), and the residual of each per point and axis, in
+    units of the target points' spread per axis."""
     in_plane = views.points @ planes.transpose(0, 2, 1)
     source, from_plane = _normalised(in_plane[:, :, :2], views.used)
-    target, from_sensor = _normalised(sensor, views.used)
+    target, from_target = _normalised(target, views.used)
     ones, zeros = views.used[:, :, None], np.zeros_like(source[:, :, :1])
     rows = np.concatenate([source, ones, zeros, zeros, zeros], axis=2)
     other = np.concatenate([zeros, zeros, zeros, source, ones], axis=2)
@@ -57,8 +110,9 @@ def homographies_of(views, planes, camera):
         ],
         axis=1,
     )
-    smallest = np.linalg.eigh(design.transpose(0, 2, 1) @ design)[1][:, :, 0].reshape(-1, 3, 3)
-    return np.linalg.inv(from_sensor) @ smallest @ from_plane
+    values, vectors = np.linalg.eigh(design.transpose(0, 2, 1) @ design)
+    left = np.sqrt(np.maximum(values[:, 0], 0) / views.used.sum(axis=1))
+    return np.linalg.inv(from_target) @ vectors[:, :, 0].reshape(-1, 3, 3) @ from_plane, left
 
 
 def _normalised(points, used):

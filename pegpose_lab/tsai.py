@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .checks import CalibrationError, as_matched_points
+from .checks import CalibrationError, as_matched_points, undetermined_if_singular
 from .planes import FLAT, is_planar, plane_frame, relief
 
 SMALLEST_SPREAD = 1e-6
@@ -79,6 +79,7 @@ class TsaiSolution:
     flags: tuple = ()
 
 
+@undetermined_if_singular()
 def solve_coplanar(object_points, sensor_points):
     r"""Tsai's method for points of one plane, anywhere in the object's frame.
 
@@ -143,6 +144,7 @@ def _relief_in_image(points, solution):
     return solution.focal_length * (seen[:, :2] / seen[:, 2:] - feet[:, :2] / feet[:, 2:])
 
 
+@undetermined_if_singular()
 def solve_noncoplanar(object_points, sensor_points):
     r"""Tsai's method for points that are not a plane; it also gives the horizontal scale s_x.
 

@@ -431,21 +431,6 @@ def test_joint_ends_at_the_noise_floor_with_honest_sigmas(principal_point):
     assert np.sqrt(np.mean(np.square(errors), axis=0)) == pytest.approx(np.ones(len(errors[0])), abs=0.35)
 
 
-def test_covariance_is_that_of_a_linear_fit():
-    """sigma^2 (J^T J)^-1 with the residuals' n - p degrees of freedom, badly scaled columns or not."""
-    jacobian = np.random.default_rng(0).standard_normal((9, 7)) * [1, 1e6, 1e-6, 1, 1, 1, 1]
-    names = ["a", *pose_names(1)]
-    covariance = covariance_table(jacobian, 6.0, names)
-    scaled = jacobian / [1, 1e6, 1e-6, 1, 1, 1, 1]
-    expected = 3.0 * np.linalg.inv(scaled.T @ scaled)
-    assert covariance.loc["a", "a"] == pytest.approx(expected[0, 0])
-    assert covariance.loc["rx_0", "ry_0"] == pytest.approx(expected[1, 2])
-    with pytest.raises(CalibrationError, match="cannot determine"):
-        covariance_table(jacobian[:7], 6.0, names)
-    with pytest.raises(CalibrationError, match="do not determine all of a:"):
-        covariance_table(np.column_stack([jacobian[:, :6], jacobian[:, 0]]), 6.0, names)
-
-
 def test_joint_and_zhang_agree_on_the_same_model():
     """Hardly any distortion: Eq. 3 and OpenCV's k1 are the same then."""
     views = five_views(0.05)
