@@ -16,8 +16,8 @@ import pandas as pd
 from scipy import stats
 
 from .calibration_files import read_calibration, write_calibration
-from .camera import OpenCVCamera, TsaiCamera
-from .checks import CalibrationError
+from .camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
+from .checks import CalibrationError, outside
 from .tsai import LOOSE_INTERVAL
 
 MINIMUM_POINTS = 5
@@ -48,7 +48,8 @@ class Calibration:
         Of the genetic algorithm, a row a generation (see `GeneticResult`) with the best chromosome's
         ``focal_length``, ``T_z`` and ``kappa1``.
     covariance : DataFrame or None
-        Covariance matrix of the parameters; rows and columns bear their names, views count from 0.
+        Covariance matrix of the parameters; rows and columns bear their names, views count from 0.  It holds if the
+        lens is of the model and the noise independent and alike at all points (see `flags`).
         Rotations are ``rx_0, ry_0, rz_0``: radians about the camera's axes, applied after the estimate.
     populations : (generations + 1, n, 2) ndarray or None
         (f, T_z) of every chromosome of every generation of the genetic algorithm, best first; not saved.
@@ -158,16 +159,25 @@ def judge_principal_point(covariance, image_size, freedom):
     return (f"The views hardly determine the principal point (95 %: {found}): add tilted views, or keep it fixed.",)
 
 
-def judge_image_size(camera):
-    """A flag if the principal point is where the centre of an image with width and height swapped is."""
+def judge_image_size(camera, image_points):
+    """Flags if points lie outside of the image, or the principal point is where the centre of an image with width and
+    height swapped is."""
+    if camera.image_size == UNKNOWN_SIZE:
+        return ()
+    width, height = camera.image_size
+    views = [str(view) for view, points in enumerate(image_points) if outside(points, camera.image_size).any()]
+    if views:
+        return (
+            f"Points of view{'s' * (len(views) > 1)} {', '.join(views)} (counted from 0) lie outside of the image of "
+            f"{width} x {height} px: is image_size (width, height) right?",
+        )
     center = camera.principal_point if isinstance(camera, TsaiCamera) else camera.camera_matrix[:2, 2]
     middle, swapped = (np.subtract(size, 1) / 2 for size in (camera.image_size, camera.image_size[::-1]))
-    apart = np.linalg.norm(swapped - middle)
-    if not np.linalg.norm(center - swapped) < SWAPPED * apart:
+    if np.linalg.norm(center - swapped) >= SWAPPED * np.linalg.norm(swapped - middle):
         return ()
     return (
-        f"The principal point ({center[0]:.0f}, {center[1]:.0f}) px is that of an image of {camera.image_size[1]} x "
-        f"{camera.image_size[0]} px: is image_size (width, height) swapped?",
+        f"The principal point ({center[0]:.0f}, {center[1]:.0f}) px is that of an image of {height} x {width} px: "
+        "is image_size (width, height) swapped?",
     )
 
 

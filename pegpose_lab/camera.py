@@ -15,6 +15,9 @@ from .checks import as_count, as_number, as_points, as_pose
 OPENCV_PLAIN, OPENCV_LIMIT = 1e-3, 0.05
 """px: how far OpenCV's model with 5 and with 8 coefficients may be from a `TsaiCamera` in its picture."""
 
+UNKNOWN_SIZE = (1, 1)
+"""px: the image size of a camera to which none was given."""
+
 LARGEST_SKEW = 1e-9
 """px: what a matrix that was computed may have in place of 0; it moves no point by more."""
 
@@ -168,7 +171,7 @@ class TsaiCamera(_Camera):
     focal_length: float
     pixel_pitch: tuple = (1.0, 1.0)
     principal_point: tuple = (0.0, 0.0)
-    image_size: tuple = (1, 1)
+    image_size: tuple = UNKNOWN_SIZE
     kappa1: float = 0.0
     scale_x: float = 1.0
 
@@ -291,7 +294,7 @@ class OpenCVCamera(_Camera):
 
     camera_matrix: np.ndarray
     dist_coeffs: np.ndarray
-    image_size: tuple = (1, 1)
+    image_size: tuple = UNKNOWN_SIZE
 
     def __post_init__(self):
         matrix = as_points(self.camera_matrix, 3, "camera_matrix", 3)

@@ -197,21 +197,6 @@ def _demand_sequence(views, name):
         raise ValueError(f"{name} is empty: there is no view; expected a sequence of arrays, one for each view")
 
 
-def demand_inside(image_points, image_size, view=""):
-    """Refuse image points (n, 2), px, that lie more than a pixel outside of an image of (width, height) px.
-
-    Raises
-    ------
-    ValueError
-        If a point does; the message says how far they reach, and if they would lie inside with width and height swapped.
-    """
-    size = np.array(image_size)
-    low, high = image_points.min(axis=0), image_points.max(axis=0)
-    if np.all(low >= -1.5) and np.all(high <= size + 0.5):
-        return
-    swapped = np.all(low >= -1.5) and np.all(high <= size[::-1] + 0.5)
-    hint = "they fit if width and height are swapped" if swapped else "check image_size, and that all points are of it"
-    raise ValueError(
-        f"image_points{view} reach from ({low[0]:.1f}, {low[1]:.1f}) to ({high[0]:.1f}, {high[1]:.1f}) px, outside of "
-        f"the image of width {size[0]} and height {size[1]} px; {hint}"
-    )
+def outside(image_points, image_size):
+    """Which image points (n, 2), px, lie more than a pixel outside of an image of (width, height) px: (n,) bool."""
+    return np.any((image_points < -1.5) | (image_points > np.array(image_size) + 0.5), axis=1)

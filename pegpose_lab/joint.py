@@ -75,7 +75,10 @@ def calibrate_joint(
         With `covariance` of all parameters: ``focal_length`` (mm), ``scale_x``, ``kappa1``, ``c_x``, ``c_y`` as far as
         they are free, or ``f_x``, ``f_y`` (or ``f_x`` for both), ``c_x``, ``c_y`` and the coefficients; and for
         view v ``rx_v, ry_v, rz_v, tx_v, ty_v, tz_v``.  A robust loss's is that of M-estimation (`_robust_variance`).
-        `flags` say it when planes are tilted by less than `SMALL_TILT`, or f or the principal point is hardly known.
+        Its sigmas, and intervals made of them, hold on two conditions: the lens is of the fitted model, and the
+        noise is independent and alike at all points.  `flags` say it when the residuals speak for a richer model or
+        against a view (`misfit`; correlated noise and bent boards are not seen), when planes are tilted by less than
+        `SMALL_TILT`, or f or the principal point is hardly known.
 
     Raises
     ------
@@ -98,8 +101,8 @@ def calibrate_joint(
     except CalibrationError as error:
         doubt = views_in_doubt(fit, object_points, image_points, loss)
         raise CalibrationError(f"{doubt} With all views: {error}" if doubt else str(error)) from error
-    flags += judge_misfit(fit, object_points, image_points, loss)
     found, poses = model.camera(fit.state.shared), fit.state.poses(fit.views)
+    flags += judge_image_size(found, image_points) + judge_misfit(fit, object_points, image_points, loss)
     residuals = [
         found.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)
@@ -116,7 +119,8 @@ def profile_focal_length(object_points, image_points, camera, *, principal_point
     .. math:: SSE(f) \le SSE_{min} \left(1 + \frac{F_{level}(1, \nu)}{\nu}\right)
 
     with :math:`\nu` degrees of freedom.  Unlike +-1.96 sigma it need not be symmetric, and is right where f trades
-    off with T_z along a curve.
+    off with T_z along a curve.  Like sigmas it holds if the lens is of the model and the noise independent and alike:
+    the flags of `calibrate_joint` say whether the residuals speak against that.
 
     Parameters
     ----------
@@ -237,7 +241,6 @@ def _judge(fit, object_points):
     value, name, unit = fit.state.shared[0], fit.model.names[0], fit.model.unit
     flags = judge_focal_length(fit.covariance, name, value, unit, fit.freedom)
     flags += judge_principal_point(fit.covariance, fit.model.start_camera.image_size, fit.freedom)
-    flags += judge_image_size(fit.model.camera(fit.state.shared))
     if _is_suspect(fit, largest):
         share = _demand_signal(fit)
         _demand_ends(fit)

@@ -82,12 +82,13 @@ def _candidates(model):
     found = []
     for number in range(1, len(missing) + 1):
         radial = tuple(name for name in COEFFICIENTS if name in (*known, *missing[:number]))
-        words = ", ".join(name for name in radial if name[0] == "k")
-        found.append((f"radial distortion by {words}", richer(radial), missing[:number]))
+        found.append((f"distortion by {', '.join(radial)}", richer(radial), missing[:number]))
     if not missing:
         found.append(("a radial pattern that none of the models here has", None, ["k4"]))
     if not {"p1", "p2"} & set(known):
-        found.append(("tangential distortion by p1, p2", richer((*known, "p1", "p2")), ["p1", "p2"]))
+        base = missing[:1] if named is None else []  # k1 alone may fit worse than kappa1
+        tangential = tuple(name for name in COEFFICIENTS if name in (*known, *base, "p1", "p2"))
+        found.append((f"distortion by {', '.join(tangential)}", richer(tangential), [*base, "p1", "p2"]))
     if not model.two:
         found.append(("f_x and f_y apart", richer(two=True), ["f_y"]))
     if not model.free_center:
@@ -108,7 +109,9 @@ def _better_model(fit, object_points, image_points, loss):
                 other = fit_views(model, object_points, image_points, loss)
             except (CalibrationError, np.linalg.LinAlgError):  # it is not determined, though it would fit better
                 continue
-            squares, moved = other.squares, _compared(other, fit.model) - _compared(fit, fit.model)
+            moved = _compared(other, fit.model) - _compared(fit, fit.model)
+            if loss == "linear":  # a robust loss judges by another scale in another model
+                squares = other.squares
         if _tail(fit, squares, len(columns)) < level:
             variance = squares / (fit.freedom - len(columns))
             better = _Better(words, _statistic(fit, squares, len(columns)), variance, moved)
@@ -194,8 +197,8 @@ def _model_sentence(fit, better):
         if center in fit.covariance.index and _in_sigmas(fit, center, moved) > 1:
             moves.append(f"{center} by {_plain(moved, 2, True)} px, {_in_sigmas(fit, center, moved):.1f}")
     return (
-        f"The lens is not of this model: with {better.words} the points fit better (F = {_plain(better.statistic, 3)}), and "
-        f"{'; '.join(moves)}. Stated sigmas and intervals hold for a lens of the model only; free more parameters."
+        f"The points do not fit this model: with {better.words} they fit better (F = {_plain(better.statistic, 3)}), and "
+        f"{'; '.join(moves)}. Stated sigmas and intervals hold for a camera of the model only; free more parameters."
     )
 
 

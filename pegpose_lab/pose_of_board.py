@@ -13,7 +13,7 @@ from .bundle import State, Views, descend, evaluate
 from .camera import OpenCVCamera, TsaiCamera
 from .checks import CalibrationError, as_views, undetermined_if_singular
 from .lens_models import TsaiModel, derivative_by_point
-from .planes import is_planar, plane_frame
+from .planes import is_planar, plane_rotation
 from .starts import demand_order, pnp
 
 SAME_POSE = 1e-3
@@ -91,7 +91,7 @@ def board_poses(object_points, image_points, camera):
     state = State(np.zeros(0), start.rotation.as_matrix()[None], start.apply(views.centroids))
     found = [minimum for minimum in [_minimum(camera, views, state)] if minimum]
     if is_planar(object_points):
-        mirrored = _mirrored(found[0][1] if found else state, plane_frame(object_points))
+        mirrored = _mirrored(found[0][1] if found else state, plane_rotation(object_points))
         other = _minimum(camera, views, mirrored)
         if other and not (found and _turn_between(found[0][1], other[1]) < SAME_POSE):
             found.append(other)
@@ -110,10 +110,10 @@ def _minimum(camera, views, state):
     return equations.cost, state
 
 
-def _mirrored(state, plane_from_object):
+def _mirrored(state, plane):
     """The state with the plane's normal mirrored in the line of sight to the points' centroid."""
     sight = state.positions[0] / np.linalg.norm(state.positions[0])
-    normal = state.rotations[0] @ plane_from_object.rotation.as_matrix()[2]
+    normal = state.rotations[0] @ plane[2]
     cross = np.cross(normal, sight)
     sine = np.linalg.norm(cross)
     angle = 2 * np.arctan2(sine, normal @ sight)  # the mirrored normal lies as far beyond the line of sight

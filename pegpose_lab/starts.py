@@ -5,13 +5,11 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from .bundle import State, Views, evaluate
-from .checks import CalibrationError, demand_inside
-from .planes import is_planar, plane_frame
+from .camera import UNKNOWN_SIZE
+from .checks import CalibrationError, outside
+from .planes import is_planar, plane_rotation
 from .tsai import solve_coplanar, solve_noncoplanar
 
-
-UNKNOWN_SIZE = (1, 1)
-"""The image size that a camera has if none was given."""
 
 DISORDER = 0.25
 """Residual of a plane's homography, in units of the points' spread per axis, above which their order is wrong: wrong
@@ -19,18 +17,23 @@ orders leave 0.3 to 0.8, lenses of any distortion at most 0.07 and noise of a fi
 
 
 def demand_views(object_points, image_points, image_size):
-    """Refuse views whose points lie outside of the image (where its size is known), or are in another order.
+    """Refuse views whose points all lie outside of the image (where its size is known), or are in another order.
 
     Raises
     ------
     ValueError
-        See `demand_inside`.
+        If all points of a view are outside; some are flagged (`calibration.judge_image_size`).
     CalibrationError
         See `demand_order`.
     """
-    if tuple(image_size) != UNKNOWN_SIZE:
-        for view, points in enumerate(image_points):
-            demand_inside(points, image_size, f"[{view}]" if len(image_points) > 1 else "")
+    for view, points in enumerate(image_points if tuple(image_size) != UNKNOWN_SIZE else ()):
+        if outside(points, image_size).all():
+            (left, top), (right, bottom) = points.min(axis=0), points.max(axis=0)
+            raise ValueError(
+                f"image_points{f'[{view}]' * (len(image_points) > 1)} reach from ({left:.1f}, {top:.1f}) to ({right:.1f}, "
+                f"{bottom:.1f}) px, all outside of the image of width {image_size[0]} and height {image_size[1]} px; check "
+                "image_size, and that image_points are of this camera"
+            )
     demand_order(object_points, image_points)
 
 
@@ -84,7 +87,7 @@ def find_start(model, views, object_points, image_points):
 
 def plane_rotations(object_points):
     """Rotations (V, 3, 3) of the objects' frames into those of the planes through their points."""
-    return np.array([plane_frame(points).rotation.as_matrix() for points in object_points])
+    return np.array([plane_rotation(points) for points in object_points])
 
 
 def homographies_of(views, planes, camera):

@@ -65,7 +65,7 @@ def calibrate_zhang(object_points, image_points, image_size, *, radial=2, tangen
     camera, poses = _opencv_calibration(object_points, image_points, size, radial, tangential)
     fit = _fit_of(camera, poses, object_points, image_points, radial, tangential)
     flags = judge_focal_length(fit.covariance, "f_x", camera.camera_matrix[0, 0], "px", fit.freedom)
-    flags += judge_image_size(camera) + judge_misfit(fit, object_points, image_points)
+    flags += judge_image_size(camera, image_points) + judge_misfit(fit, object_points, image_points)
     residuals = [
         camera.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)

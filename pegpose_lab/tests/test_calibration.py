@@ -23,7 +23,6 @@ from pegpose_lab import (
     calibrate_zhang,
     optimum_in_box,
 )
-from pegpose_lab.calibration import covariance_table, pose_names
 from pegpose_lab.experiment import paper_experiment, paper_pose
 from pegpose_lab.measured import load_corners
 from pegpose_lab.two_stage import TwoStageObjective, kappa1_per_point, kappa1_shared
@@ -747,7 +746,7 @@ LINE = np.column_stack([np.arange(48.0), 2 * np.arange(48.0), np.zeros(48)])
         (POINTS, LINE[:, :2], CAMERA, "one line"),
         (POINTS, IMAGE, None, "camera"),
         (POINTS, IMAGE, CAMERA.to_opencv(), "camera"),
-        (Rotation.from_rotvec([0.1, 0, 0]).apply(BOARD), IMAGE, CAMERA, "one plane"),
+        (POINTS[::9] + np.outer([0, 40, 0, 0, 40, 0], [0, 0, 1.0]), IMAGE[::9], CAMERA, "n >= 7"),
     ],
 )
 def test_unusable_views_are_named(method, points, image, camera, named):
@@ -810,8 +809,9 @@ def test_unusable_options_of_many_views_are_named():
         calibrate_zhang(*views, CAMERA.image_size, radial=4)
     with pytest.raises(ValueError, match="image_size"):
         calibrate_zhang(*views, (0, 1200))
-    with pytest.raises(ValueError, match="z = 0"):
-        calibrate_zhang([Checkerboard().object_points + [0, 0, 1]] * 5, views[1], CAMERA.image_size)
+    bowl = BOARD + (np.sum((BOARD - BOARD.mean(axis=0)) ** 2, axis=1) / 500)[:, None] * [0, 0, 1.0]
+    with pytest.raises(ValueError, match=r"object_points\[1\] leave the plane"):
+        calibrate_zhang([BOARD, bowl, *[BOARD] * 3], views[1], CAMERA.image_size)
     with pytest.raises(ValueError, match="name"):
         calibrate_joint(*views, CAMERA).sigma("k9")
     with pytest.raises(ValueError, match="no covariance"):
