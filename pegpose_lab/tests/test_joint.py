@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import (
-    CalibrationError, TsaiCamera, board_pose, calibrate_dlt, calibrate_joint, calibrate_tsai, profile_focal_length,
+    CalibrationError, TsaiCamera, calibrate_dlt, calibrate_joint, calibrate_tsai, profile_focal_length,
     weakest_direction,
 )
 from pegpose_lab.bundle import Equations, State, Views, covariance_of, evaluate, minimise, robust_weights
@@ -429,20 +429,6 @@ def test_direct_linear_transform_is_exact_without_distortion():
     assert run.camera.focal_length == pytest.approx(CAMERA.focal_length, rel=1e-9) and run.rms < 1e-8
     with pytest.raises(ValueError, match="plane"):
         calibrate_dlt(BOARD + (np.arange(48) % 3)[:, None] * [0, 0, 20.0], run.residuals[0], CAMERA)
-
-
-@pytest.mark.parametrize("camera", [CAMERA, CAMERA.to_opencv()])
-def test_board_pose_recovers_the_pose(camera):
-    for pose in EXPERIMENT.cam_from_boards:
-        found = board_pose(BOARD, camera.project(BOARD, pose), camera)
-        assert (found.inv() * pose).as_matrix() == pytest.approx(np.eye(4), abs=1e-5)
-
-
-@pytest.mark.parametrize("camera", [CAMERA, CAMERA.to_opencv()])
-def test_points_on_a_line_have_no_pose(camera):
-    pose = EXPERIMENT.cam_from_boards[1]
-    with pytest.raises(ValueError, match="line"):
-        board_pose(BOARD[:8], camera.project(BOARD[:8], pose), camera)
 
 
 @pytest.mark.parametrize(
