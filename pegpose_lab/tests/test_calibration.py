@@ -16,6 +16,7 @@ from pegpose_lab import (
     Calibration,
     CalibrationError,
     Checkerboard,
+    OpenCVCamera,
     TsaiCamera,
     calibrate_genetic,
     calibrate_joint,
@@ -729,6 +730,7 @@ def test_damaged_files_are_refused(tmp_path):
 # --- unusable input ------------------------------------------------------------------------------------
 
 POINTS, IMAGE = view()
+SIX = [0, 7, 18, 29, 40, 47]
 LINE = np.column_stack([np.arange(48.0), 2 * np.arange(48.0), np.zeros(48)])
 
 
@@ -746,7 +748,7 @@ LINE = np.column_stack([np.arange(48.0), 2 * np.arange(48.0), np.zeros(48)])
         (POINTS, LINE[:, :2], CAMERA, "one line"),
         (POINTS, IMAGE, None, "camera"),
         (POINTS, IMAGE, CAMERA.to_opencv(), "camera"),
-        (POINTS[::9] + np.outer([0, 40, 0, 0, 40, 0], [0, 0, 1.0]), IMAGE[::9], CAMERA, "n >= 7"),
+        (POINTS[SIX] + np.outer([0, 40, 0, 0, 40, 0], [0, 0, 1.0]), IMAGE[SIX], CAMERA, "n >= 7"),
     ],
 )
 def test_unusable_views_are_named(method, points, image, camera, named):
@@ -816,3 +818,54 @@ def test_unusable_options_of_many_views_are_named():
         calibrate_joint(*views, CAMERA).sigma("k9")
     with pytest.raises(ValueError, match="no covariance"):
         calibrate_tsai(*view(), CAMERA).sigma("focal_length")
+
+
+@pytest.mark.parametrize("calibrate", [
+    lambda boards, images: calibrate_joint(boards, images, CAMERA),
+    lambda boards, images: calibrate_zhang(boards, images, CAMERA.image_size),
+    lambda boards, images: calibrate_tsai(boards[0], images[0], CAMERA),
+])
+def test_rows_and_columns_mixed_up_are_told(calibrate):
+    boards, images = five_views(0.1)
+    with pytest.raises(CalibrationError, match="order of object_points.*columns and rows"):
+        calibrate([Checkerboard(6, 8, 29.0).object_points] * len(boards), images)
+
+
+def test_the_view_in_another_order_is_named():
+    boards, images = five_views(0.1)
+    images[3] = images[3].reshape(6, 8, 2).transpose(1, 0, 2).reshape(-1, 2)
+    with pytest.raises(CalibrationError, match="points of view 3 are no image of the plane"):
+        calibrate_joint(boards, images, CAMERA)
+
+
+def test_a_wrong_image_size_is_told():
+    boards, images = five_views(0.1)
+    with pytest.raises(ValueError, match=r"image_points\[0\] reach from .* all outside of the image of width 100"):
+        calibrate_zhang(boards, images, (100, 80))
+    assert any("swapped" in flag for flag in calibrate_zhang(boards, images, CAMERA.image_size[::-1]).flags)
+    cut = calibrate_joint(boards, images, replace(CAMERA, image_size=(1000, 760))).flags
+    assert any("lie outside of the image of 1000 x 760 px" in flag for flag in cut)
+    assert calibrate_zhang(boards, images, CAMERA.image_size).flags == ()
+    assert calibrate_joint(boards, images, replace(CAMERA, image_size=(1, 1))).flags[1:] == ()
+
+
+@pytest.mark.parametrize("options", [
+    {}, {"loss": "huber"}, {"coefficients": ("k1", "k2", "p1", "p2", "k3"), "focal": "two"},
+])
+def test_folded_lenses_raise_no_linalgerror(options):
+    """k1 = -0.4 at f = 500 px folds the image at 0.9 focal lengths from its centre; boards reach beyond."""
+    camera, answered = OpenCVCamera([[500, 0, 799.5], [0, 500, 599.5], [0, 0, 1]], [-0.4, 0, 0, 0], (1600, 1200)), 0
+    for seed in (0, *range(30, 40)):
+        rng, images = np.random.default_rng(seed), []
+        while len(images) < 7:
+            turn = Rotation.from_rotvec(rng.normal(0, 0.45, 3))
+            middle = np.array([rng.uniform(-110, 110), rng.uniform(-80, 80), rng.uniform(120, 300)])
+            pose = RigidTransform.from_components(middle - turn.apply(BOARD.mean(axis=0)), turn)
+            if pose.apply(BOARD)[:, 2].min() > 20:
+                images.append(camera.project(BOARD, pose) + rng.normal(0, 0.1, (48, 2)))
+        try:
+            calibrate_joint([BOARD] * 7, images, replace(CAMERA, principal_point=(799.5, 599.5)), **options)
+        except (CalibrationError, ValueError):
+            continue
+        answered += 1
+    assert answered
