@@ -19,8 +19,9 @@ from .environment import CHECKOUT
 OLDEST_PYTHON = (3, 11)
 CELL_TIMEOUT = 600  # s; a notebook's slowest cell takes a small part of it
 
-# The same digits on every machine: one thread in each linear-algebra library, sets in one order, and
-# the kernels of .venv before those that a user has registered.
+# The same bytes in every run on one machine: one thread in each linear-algebra library (small systems are also
+# solved several times faster so), sets in one order, and the kernels of .venv before those that a user has
+# registered.  Another processor rounds the last bits another way; that is what `agreement` allows for.
 FIXED_VARIABLES = {
     "OPENBLAS_NUM_THREADS": "1",
     "OMP_NUM_THREADS": "1",
@@ -86,22 +87,55 @@ def _report(options):
 
 
 def _test(options):
-    """Run the unit tests, and every notebook against its stored outputs."""
+    """Run the unit tests, and every notebook against its stored outputs; here, or on emulated machines."""
     import pytest
 
     from pegpose_lab import running
 
     os.chdir(CHECKOUT)
+    if options.processors is not None:
+        return _test_processors(options.processors, options.extra)
     with running.scratch_output(CHECKOUT / "data" / "results") as output:
         os.environ.update(PEGPOSE_OUTPUT=str(output), IPYTHONDIR=str(output / "ipython"))
-        return int(
-            pytest.main(
-                ["-n", str(running.WORKERS), "--dist", "loadscope"]
-                + ["--nbval", "--nbval-current-env", "--nbval-cell-timeout", str(CELL_TIMEOUT)]
-                + ["--nbval-sanitize-with", str(CHECKOUT / "pegpose_lab" / "tests" / "nbval_sanitize.cfg")]
-                + options.extra
-            )
-        )
+        code = int(pytest.main(_notebook_testing() + options.extra))
+        changed = running.changed_files(output, CHECKOUT)
+    for path in changed:
+        print(f"{path} is not what the notebooks make: run  python3 -m pegpose_lab reproduce", file=sys.stderr)
+    return code or int(bool(changed))
+
+
+def _notebook_testing():
+    """pytest's arguments for running and comparing notebooks."""
+    from pegpose_lab import running
+
+    return [
+        *("-n", str(running.WORKERS), "--dist", "loadscope"),
+        *("--nbval", "--nbval-current-env", "--nbval-cell-timeout", str(CELL_TIMEOUT)),
+        *("--nbval-sanitize-with", str(CHECKOUT / "pegpose_lab" / "tests" / "nbval_sanitize.cfg")),
+    ]
+
+
+def _test_processors(names, extra):
+    """Run the notebooks and the tests of digits on emulated machines; print a table."""
+    from pegpose_lab import processors
+
+    machines = processors.emulated_machines()
+    if names:
+        known = {machine.name: machine for machine in machines}
+        unknown = sorted(set(names) - set(known))
+        if unknown:
+            raise SystemExit(f"No machine is called {', '.join(unknown)}; there are: {', '.join(known)}.")
+        machines = [known[name] for name in names]
+    else:
+        machines += processors.other_pythons()
+    outcomes = []
+    for machine in machines:
+        print(f"\n--- {machine.name} ---", flush=True)
+        outcomes.append(processors.run_on(machine, CHECKOUT, _notebook_testing() + extra))
+        for path in outcomes[-1].changed:
+            print(f"reproduce would rewrite {path}", flush=True)
+    print(f"\n{processors.table(outcomes)}")
+    return 0 if all(outcome.passed for outcome in outcomes) else 1
 
 
 def _bench(options):
@@ -172,6 +206,13 @@ def _parser():
         "test",
         help="run the unit tests, and the notebooks against their stored outputs",
         epilog="Arguments after -- go to pytest:  test -- -k camera",
+    )
+    test.add_argument(
+        "--processors",
+        nargs="*",
+        metavar="NAME",
+        help="run the notebooks and the tests of digits as on other processors (emulated), with two threads and under "
+        "the other Pythons that are found, instead of all tests here; NAME runs these machines only",
     )
     test.set_defaults(run=_test)
 

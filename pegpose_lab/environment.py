@@ -195,14 +195,8 @@ def _remove():
 def _make_venv():
     """Make an empty `.venv` with pip, by the first tool that is found and works."""
     base = getattr(sys, "_base_executable", None) or sys.executable
-    uv, virtualenv = shutil.which("uv"), shutil.which("virtualenv")
-    commands = []
-    if uv:
-        commands.append([uv, "venv", "--quiet", "--seed", "--allow-existing", "--python", base, VENV])
-    if importlib.util.find_spec("venv") and importlib.util.find_spec("ensurepip"):
-        commands.append([base, "-m", "venv", VENV])
-    if virtualenv:
-        commands.append([virtualenv, "--quiet", "--python", base, VENV])
+    has_venv = importlib.util.find_spec("venv") and importlib.util.find_spec("ensurepip")
+    commands = _venv_commands(base, VENV, has_venv)
     if not commands:
         version = ".".join(map(str, sys.version_info[:2]))
         raise SetUpError(
@@ -211,6 +205,19 @@ def _make_venv():
             "elsewhere install uv (https://docs.astral.sh/uv) or virtualenv. Then run this command again."
         )
     _run_first(commands, f"Making {VENV}")
+
+
+def _venv_commands(base, folder, has_venv):
+    """What makes an environment of the Python `base`: uv, the module venv, virtualenv, as far as they are there."""
+    uv, virtualenv = shutil.which("uv"), shutil.which("virtualenv")
+    commands = []
+    if uv:
+        commands.append([uv, "venv", "--quiet", "--seed", "--allow-existing", "--python", base, folder])
+    if has_venv:
+        commands.append([base, "-m", "venv", folder])
+    if virtualenv:
+        commands.append([virtualenv, "--quiet", "--python", base, folder])
+    return commands
 
 
 def _install():
@@ -222,18 +229,37 @@ def _install():
     _run_first(_install_commands("-r", LOCK), f"Installing {LOCK.name}", run)
 
 
-def _pip_install(arguments, name):
-    """Install into `.venv` without a word."""
-    _run_first(_install_commands("--quiet", *arguments), f"Installing {name}")
+def _pip_install(arguments, name, python_there=None):
+    """Install into `.venv`, or for another Python, without a word."""
+    _run_first(_install_commands("--quiet", *arguments, python_there=python_there), f"Installing {name}")
 
 
-def _install_commands(*arguments):
-    """The commands that install into `.venv`: uv's where that is found, and pip's."""
-    uv = shutil.which("uv")
-    commands = [[python(), "-m", "pip", "install", "--disable-pip-version-check", "--no-input", *arguments]]
+def _install_commands(*arguments, python_there=None):
+    """The commands that install into `.venv`, or for another Python: uv's where that is found, and pip's."""
+    uv, target = shutil.which("uv"), python_there or python()
+    commands = [[target, "-m", "pip", "install", "--disable-pip-version-check", "--no-input", *arguments]]
     if uv:
-        commands.insert(0, [uv, "pip", "install", "--python", python(), *arguments])
+        commands.insert(0, [uv, "pip", "install", "--python", target, *arguments])
     return commands
+
+
+def python_of_version(version):
+    """Return the Python of an environment like `.venv` for another version of Python, or None where there is none.
+
+    It lies in a folder of `.venv`, is made on first use, and goes with `.venv`.
+    """
+    base = shutil.which(f"python{version}")
+    folder = VENV / f"python{version}"
+    own = folder / python().relative_to(VENV)
+    if base is None or subprocess.call([base, "-c", ""], stderr=subprocess.DEVNULL):
+        return None
+    stamp = folder / "complete"
+    if not stamp.exists():
+        print(f"Setting up {folder} ...", flush=True)
+        _run_first(_venv_commands(base, folder, True), f"Making {folder}")
+        _pip_install(["-r", LOCK], f"{LOCK.name} for Python {version}", own)
+        stamp.touch()
+    return own
 
 
 def add_bench_packages():

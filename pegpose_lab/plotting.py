@@ -1,14 +1,18 @@
 """One style for every figure: ``plot_*(ax, ...)`` draws into given axes, `save_figure` writes the files.
 
 Each method keeps its colour everywhere (`COLORS`, the Okabe-Ito palette, which colour-blind readers can tell
-apart).  `digest` prints what a figure shows, because a notebook's pictures are not compared when it is tested.
+apart).  `show_figure` also stores what the figure draws, because nbval does not compare images.
 """
+
+import base64
 
 import matplotlib.pyplot as plt
 import numpy as np
+from IPython.display import display
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Ellipse
 
+from .figure_digest import figure_digest
 from .results import output_folder, replacing
 
 COLORS = {
@@ -40,6 +44,9 @@ DETECTORS = {
     "EdgeDrawing": ("#D55E00", "*", "--"),
 }
 
+DPI = 150
+"""Resolution of a saved figure, pixels per inch; in a notebook it is shown at the style's own 100."""
+
 STYLE = {
     "figure.dpi": 100,
     "figure.constrained_layout.use": True,
@@ -63,31 +70,39 @@ def figure(width=7.0, height=3.6, rows=1, columns=1, **options):
 def save_figure(fig, name):
     """Write `fig` as figures/<name>.png below the output folder, the paper's figures (``fig..``) as .pdf, too.
 
-    The same figure gives the same bytes.
+    The same figure gives the same bytes.  The PNG carries what it draws (`figure_digest`) as its description.
+
+    Returns
+    -------
+    Path
+        The PNG.
     """
-    fig.draw_without_rendering()  # lays it out; once is enough for all files and the notebook
+    fig.draw_without_rendering()  # lays it out; once is enough for all files and the digest
     fig.set_layout_engine("none")
-    folder = output_folder() / "figures"
-    with replacing(folder / f"{name}.png") as path:
-        fig.savefig(path, format="png", dpi=200, metadata={"Software": None})
+    target = output_folder() / "figures" / f"{name}.png"
+    with replacing(target) as path:
+        fig.savefig(path, format="png", dpi=DPI, metadata={"Software": None, "Description": figure_digest(fig)})
     if name.startswith("fig"):
         nothing = {"CreationDate": None, "Creator": None, "Producer": None}
-        with replacing(folder / f"{name}.pdf") as path:
-            fig.savefig(path, format="pdf", dpi=200, metadata=nothing)
+        with replacing(target.with_suffix(".pdf")) as path:
+            fig.savefig(path, format="pdf", dpi=DPI, metadata=nothing)
+    return target
 
 
-def digest(decimals=4, /, **arrays):
-    """Print shape, mean, standard deviation, minimum and maximum of each named array that a figure shows."""
-    for name, array in arrays.items():
-        values = np.asarray(array, dtype=float)
-        numbers = (values.mean(), values.std(), values.min(), values.max())
-        text = "  ".join(f"{label} {_rounded(number, decimals)}" for label, number in zip(("mean", "sd", "min", "max"), numbers))
-        print(f"{name} {values.shape}: {text}")
+def show_figure(fig, name):
+    """Save `fig` (see `save_figure`) and show the very file in the notebook; the figure is closed.
 
-
-def _rounded(number, decimals):
-    """Fixed decimals, without a minus sign before zero."""
-    return f"{round(number, decimals) + 0.0:.{decimals}f}"
+    It is the last call of the one cell that builds a figure.  The output's text, which a reader never sees beside
+    the image and which nbval compares, tells what the figure draws (see `figure_digest`).
+    """
+    content = base64.b64encode(save_figure(fig, name).read_bytes()).decode("ascii")
+    width, height = (round(side * STYLE["figure.dpi"]) for side in fig.get_size_inches())
+    display(
+        {"image/png": content, "text/plain": f"figures/{name}.png\n{figure_digest(fig)}"},
+        metadata={"image/png": {"width": width, "height": height}},
+        raw=True,
+    )
+    plt.close(fig)
 
 
 def plot_image(ax, image, title=None, *, limits=None):

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from .camera import left_jacobian
 from .checks import CalibrationError, as_number, as_points, as_pose
 
 _RIM_POINTS = 32  # sums over a smooth closed curve converge exponentially: this many reach rounding errors
@@ -289,7 +290,16 @@ def _fit_directions(start, points, normalized):
         seen = Rotation.from_rotvec(step[:3]).apply(turned) + start.translation + size * step[3:]
         return (seen[:, :2] / seen[:, 2:] - normalized).ravel()
 
-    return moved(least_squares(residuals, np.zeros(6), method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14).x)
+    def jacobian(step):
+        moved_by_turn = Rotation.from_rotvec(step[:3]).apply(turned)
+        seen = moved_by_turn + start.translation + size * step[3:]
+        by_turn = np.cross(left_jacobian(step[:3]).T, moved_by_turn[:, None])  # (n, 3 parameters, 3 coordinates)
+        by_step = np.concatenate([by_turn, np.broadcast_to(size * np.eye(3), by_turn.shape)], axis=1)
+        over_depth = by_step[..., :2] - by_step[..., 2:] * (seen[:, :2] / seen[:, 2:])[:, None]
+        return (over_depth / seen[:, 2:, None]).swapaxes(1, 2).reshape(-1, 6)
+
+    limits = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
+    return moved(least_squares(residuals, np.zeros(6), jacobian, method="lm", **limits).x)
 
 
 def _turn(rotation):

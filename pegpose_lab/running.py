@@ -3,7 +3,8 @@
 A notebook writes figures to ``figures/`` and tables to ``data/results/`` below the folder that the
 environment variable ``PEGPOSE_OUTPUT`` names (the checkout where it is unset).  Here that folder is a
 temporary one; its files are moved to their place when every notebook has run to its end, each in one
-step, so that nothing half-written is ever seen there.
+step, so that nothing half-written is ever seen there.  A file that says the same as the one in its place
+(`agreement.files_agree`) is not moved: on another processor last digits differ, and nothing else.
 """
 
 import asyncio
@@ -26,6 +27,7 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 from tqdm import tqdm
 
+from .agreement import files_agree
 from .results import replacing
 
 WORKERS = 2
@@ -40,7 +42,7 @@ class NotebookError(RuntimeError):
 
 
 def reproduce(notebooks, output, *, known_results=None, known="*", cell_timeout=600, update=False):
-    """Run notebooks and move their figures and results below `output`.
+    """Run notebooks and move the figures and results that are new below `output`.
 
     Parameters
     ----------
@@ -55,7 +57,8 @@ def reproduce(notebooks, output, *, known_results=None, known="*", cell_timeout=
     cell_timeout : float
         The time that a single cell may take, in s.
     update : bool
-        Store the outputs in the notebooks too, without what changes from run to run.
+        Store the outputs in the notebooks too, without what changes from run to run; then all figures and results
+        are moved, for a notebook and the files that it made belong to one run.
 
     Raises
     ------
@@ -64,7 +67,7 @@ def reproduce(notebooks, output, *, known_results=None, known="*", cell_timeout=
     """
     with scratch_output(known_results, known) as scratch:
         executed = _execute_all(notebooks, scratch, cell_timeout)
-        _publish(scratch, Path(output))
+        _publish(scratch, Path(output), all_files=update)
     if update:
         for path, notebook in zip(notebooks, executed, strict=True):
             with replacing(path) as part:
@@ -184,14 +187,32 @@ class _Crew:
 # --- results ------------------------------------------------------------------------------------
 
 
-def _publish(scratch, output):
-    """Copy every file beside its place, then move them all there: each is whole at any time."""
+def changed_files(scratch, output):
+    """Return the results and figures below `scratch` that say something else than those below `output`.
+
+    Returns
+    -------
+    list of Path
+        Relative to both folders, in order.  A PDF goes with the PNG of its name.
+    """
+    files = [path.relative_to(scratch) for path in _files(scratch)]
+    compared = {path: path.with_suffix(".png") if path.suffix == ".pdf" else path for path in files}
+    changed = {path: not files_agree(output / path, scratch / path) for path in set(compared.values())}
+    return [path for path in files if changed[compared[path]] or not (output / path).is_file()]
+
+
+def _files(folder):
+    """All files of results and figures below a folder."""
+    return [path for name in FOLDERS for path in sorted((folder / name).rglob("*")) if path.is_file()]
+
+
+def _publish(scratch, output, *, all_files=False):
+    """Copy the files that changed beside their place, then move them all there: each is whole at any time."""
+    chosen = [path.relative_to(scratch) for path in _files(scratch)] if all_files else changed_files(scratch, output)
     with ExitStack() as moves:
-        for name in FOLDERS:
-            for source in sorted((scratch / name).rglob("*")):
-                if source.is_file():
-                    part = moves.enter_context(replacing(output / source.relative_to(scratch)))
-                    shutil.copyfile(source, part)
+        for name in chosen:
+            part = moves.enter_context(replacing(output / name))
+            shutil.copyfile(scratch / name, part)
 
 
 def to_text(notebook):

@@ -16,9 +16,11 @@ settings.load_profile("pegpose_lab")
 
 
 def pytest_configure(config):
-    """Give each test process a folder of its own for what notebooks write, with the results they read."""
+    """Give notebooks a folder to write into, with the results they read, unless the command has named one."""
     for name, value in FIXED_VARIABLES.items():
         os.environ.setdefault(name, value)
+    if os.environ.get("PEGPOSE_OUTPUT"):
+        return
     stack = ExitStack()
     output = stack.enter_context(running.scratch_output(CHECKOUT / "data" / "results"))
     os.environ["PEGPOSE_OUTPUT"] = str(output)

@@ -18,7 +18,7 @@ from nbformat.v4 import new_code_cell, new_notebook, new_output
 from packaging.requirements import Requirement
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab import environment, running
+from pegpose_lab import environment, plotting, running
 
 CHECKOUT = commands.CHECKOUT
 
@@ -408,6 +408,29 @@ def test_files_are_moved_only_when_all_are_copied(tmp_path, old_output, monkeypa
         assert set(_contents(old_output).values()) == {b"new"}
 
 
+def test_what_says_the_same_is_not_rewritten(tmp_path):
+    output = tmp_path / "output"
+    stored = {"data/results/a.csv": "f\n1.25\n", "data/results/b.csv": "f\n1.25\n", "figures/fig.pdf": "old"}
+    fresh = {"data/results/a.csv": "f\n1.26\n", "data/results/b.csv": "f\n1.27\n", "data/results/c.csv": "f\n1.25\n"}
+    with running.scratch_output() as scratch:
+        for folder, files in ((output, stored), (scratch, fresh)):
+            for name, text in files.items():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                (folder / name).write_text(text)
+        for folder in (output, scratch):
+            fig, _ = plotting.figure(1, 1)
+            fig.savefig(folder / "figures" / "fig.png", metadata={"Description": "same"})
+        (scratch / "figures" / "fig.pdf").write_text("new")  # other bytes, but the figure of that name agrees
+        assert running.changed_files(scratch, output) == [Path("data/results/b.csv"), Path("data/results/c.csv")]
+        running._publish(scratch, output)
+        assert (output / "data/results/a.csv").read_text() == stored["data/results/a.csv"]
+        assert (output / "data/results/b.csv").read_text() == fresh["data/results/b.csv"]
+        assert (output / "figures/fig.pdf").read_text() == "old"
+        running._publish(scratch, output, all_files=True)
+        assert (output / "data/results/a.csv").read_text() == fresh["data/results/a.csv"]
+        assert (output / "figures/fig.pdf").read_text() == "new"
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals of this kind do not exist on Windows")
 def test_interrupted_run_leaves_everything_as_it_was(tmp_path, old_output):
     before = _contents(old_output)
@@ -439,8 +462,12 @@ def _start_slow_run(checkout, output):
 
 
 def _start(checkout, arguments, **variables):
-    """Start a command in a process of its own, on a checkout that needs no set-up."""
+    """Start a command in a process of its own, on a checkout that needs no set-up.
+
+    A shell's background job ignores Ctrl-C, and so do its children: the command is given Python's own handler.
+    """
     code = (
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "import sys; from pathlib import Path; from pegpose_lab import __main__ as commands, environment\n"
         "environment.set_up, environment.VENV = bool, Path(sys.prefix)\n"
         f"commands.CHECKOUT = Path({str(checkout)!r})\n"
@@ -477,20 +504,24 @@ def _is_alive(pid):
 
 def test_test_command_catches_a_changed_output_and_writes_nothing(tmp_path):
     right = new_code_cell(WRITE + "print((folder / 'figures/a.png').write_text('new'))", id="right")
+    last_digit = new_code_cell("print(3.14159)", id="last_digit")
     wrong = new_code_cell("print(10.1)", id="wrong")
-    for count, (cell, printed) in enumerate([(right, "3"), (wrong, "10.2")], start=1):
+    cells = [(right, "3"), (last_digit, "3.14160"), (wrong, "10.3")]
+    for count, (cell, printed) in enumerate(cells, start=1):
         cell.update(execution_count=count, outputs=[new_output("stream", name="stdout", text=f"{printed}\n")])
     (tmp_path / "notebooks").mkdir()
-    nbformat.write(new_notebook(cells=[right, wrong]), tmp_path / "notebooks" / "01_wrong.ipynb")
-    (tmp_path / "pyproject.toml").write_text("[tool.pytest.ini_options]\ntestpaths = ['notebooks']\n")
+    nbformat.write(new_notebook(cells=[right, last_digit, wrong]), tmp_path / "notebooks" / "01_wrong.ipynb")
+    testing = "testpaths = ['notebooks']\naddopts = ['-p', 'pegpose_lab.notebook_tests']"
+    (tmp_path / "pyproject.toml").write_text(f"[tool.pytest.ini_options]\n{testing}\n")
     sanitizer = Path("pegpose_lab", "tests", "nbval_sanitize.cfg")
     (tmp_path / sanitizer).parent.mkdir(parents=True)
     shutil.copyfile(CHECKOUT / sanitizer, tmp_path / sanitizer)
     run = _start(tmp_path, ["test", "--", "-n", "0", "-p", "no:cacheprovider"])
     closing = run.communicate(timeout=120)[0]
     assert run.returncode == 1, closing
-    assert re.search(r"=+ 1 failed, 1 passed in ", closing), closing
-    assert "10.1" in closing and "10.2" in closing
+    assert re.search(r"=+ 1 failed, 2 passed in ", closing), closing
+    assert "10.1" in closing and "10.3" in closing
+    assert "a.png is not what the notebooks make" in closing
     assert not (tmp_path / "figures").exists()
 
 

@@ -5,6 +5,7 @@ cells that were run out of order, what belongs to one machine only.
 """
 
 import ast
+import base64
 import re
 
 import nbformat
@@ -15,8 +16,7 @@ from pegpose_lab.__main__ import CHECKOUT
 from pegpose_lab.running import to_text
 
 NOTEBOOKS = sorted((CHECKOUT / "notebooks").glob("*.ipynb"))
-LONGEST_CELL = 15
-PRINTING = {"print", "display", "digest"}
+PRINTING = {"print", "display", "show_figure"}
 MACHINE_PATH = re.compile(r"(?<![\w.])/(home|root|Users|tmp|work|opt|usr|var|mnt|private)/|\b[A-Z]:\\")
 
 
@@ -87,11 +87,35 @@ def test_names_no_path_of_a_machine(notebook):
     assert [text for text in texts if MACHINE_PATH.search(text) or str(CHECKOUT) in text] == []
 
 
-def test_cells_are_short(notebook):
-    lengths = {
-        cell.source: sum(bool(line.strip()) for line in cell.source.splitlines()) for cell in _code_cells(notebook)
-    }
-    assert [source for source, length in lengths.items() if length > LONGEST_CELL] == []
+def test_the_figure_in_the_notebook_is_the_saved_figure(notebook):
+    for output in _figures(notebook):
+        name = output.data["text/plain"].partition("\n")[0]
+        assert base64.b64decode(output.data["image/png"]) == (CHECKOUT / name).read_bytes(), name
+
+
+def test_every_figure_is_shown_when_it_is_finished(notebook):
+    """The inline backend shows what a cell leaves open, be it finished or not."""
+    outputs = [output for cell in _code_cells(notebook) for output in cell.outputs]
+    assert [output.data["text/plain"] for output in outputs if _is_left_open(output)] == []
+
+
+def test_every_saved_figure_is_shown_once():
+    names = [
+        output.data["text/plain"].partition("\n")[0]
+        for path in NOTEBOOKS
+        for output in _figures(nbformat.read(path, as_version=4))
+    ]
+    assert sorted(names) == sorted(f"figures/{path.name}" for path in (CHECKOUT / "figures").glob("*.png"))
+
+
+def _figures(notebook):
+    """The outputs of `plotting.show_figure`."""
+    outputs = [output for cell in _code_cells(notebook) for output in cell.outputs if "data" in output]
+    return [output for output in outputs if output.data.get("text/plain", "").startswith("figures/")]
+
+
+def _is_left_open(output):
+    return output.get("data", {}).get("text/plain", "").startswith("<Figure size")
 
 
 def _prints(source):
@@ -109,7 +133,7 @@ def _prints(source):
     ("source", "expected"),
     [
         ("print(1)", True),
-        ("%matplotlib inline\nfor k in range(2):\n    plotting.digest(a=k)", True),
+        ("%matplotlib inline\nfor k in range(2):\n    plotting.show_figure(fig, k)", True),
         ("x = 1\nfig, ax = figure()", False),
         ("def show():\n    print(1)", False),
         ("if found:\n    print(1)", False),

@@ -1,5 +1,7 @@
 """Figures: the same bytes each time, whole files only, and artists that hold the data they were given."""
 
+import base64
+import io
 import warnings
 
 import matplotlib.pyplot as plt
@@ -9,6 +11,7 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.patches import Circle, Ellipse
 from numpy.testing import assert_allclose
+from PIL import Image
 
 from pegpose_lab import plotting
 
@@ -100,28 +103,23 @@ def test_an_interrupted_save_leaves_the_old_file(kind, output):
     assert {path.name: path.read_bytes() for path in output.iterdir()} == before
 
 
-# ---- digest ----
+# ---- in a notebook ----
 
 
-def test_digest_text(capsys):
-    plotting.digest(2, corners=np.array([[1.0, 2.0], [3.0, 6.0]]), zero=[-0.001, 0.001])
-    assert capsys.readouterr().out.splitlines() == [
-        "corners (2, 2): mean 3.00  sd 1.87  min 1.00  max 6.00",
-        "zero (2,): mean 0.00  sd 0.00  min 0.00  max 0.00",
-    ]
-
-
-def test_digest_takes_an_array_named_decimals(capsys):
-    plotting.digest(decimals=[1.0, 2.0])
-    assert capsys.readouterr().out == "decimals (2,): mean 1.5000  sd 0.5000  min 1.0000  max 2.0000\n"
-
-
-def test_digest_tells_a_changed_value(capsys):
-    values = np.linspace(0, 1, 50)
-    plotting.digest(x=values)
-    plotting.digest(x=values + np.where(np.arange(50) == 7, 0.05, 0))
-    first, second = capsys.readouterr().out.splitlines()
-    assert first != second
+def test_what_is_shown_is_what_is_saved(output, monkeypatch):
+    shown = []
+    monkeypatch.setattr(plotting, "display", lambda data, **options: shown.append((data, options)))
+    fig = make_figure()
+    plotting.show_figure(fig, "07_scatter")
+    assert not plt.fignum_exists(fig.number)
+    ((data, options),) = shown
+    content = base64.b64decode(data["image/png"])
+    assert content == (output / "07_scatter.png").read_bytes()
+    assert data["text/plain"].startswith("figures/07_scatter.png\nfigure: 7 x 3.6 in\naxes 1\n")
+    assert options == {"metadata": {"image/png": {"width": 700, "height": 360}}, "raw": True}
+    with Image.open(io.BytesIO(content)) as image:
+        assert image.size == (7 * plotting.DPI, round(3.6 * plotting.DPI))
+        assert data["text/plain"].endswith(image.info["Description"])
 
 
 # ---- style ----

@@ -1,0 +1,223 @@
+"""What a figure draws, as text: the part of a figure that a test can compare.
+
+nbval does not look at images.  `figure_digest` reads a finished matplotlib figure and tells, for each of its axes,
+labels, scales and limits, every line, patch, collection, image and text with its colour, and the legend.
+Positions are fractions of the axes (0 at the left and lower edge, 1 at the right and upper), to three digits: what
+cannot be told apart in the figure is not told apart in the digest.
+"""
+
+import itertools
+
+import numpy as np
+from matplotlib.collections import Collection
+from matplotlib.colors import to_hex
+from matplotlib.contour import ContourSet
+from matplotlib.image import AxesImage
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.quiver import Quiver
+from matplotlib.text import Text
+from matplotlib.ticker import FixedFormatter, FuncFormatter
+from matplotlib.transforms import IdentityTransform
+
+FAR = 2.0
+"""Positions outside the axes count up to so many widths of them: that they are outside is all that is seen."""
+
+SAMPLES = 5
+"""Points that are told of each artist, from its first to its last, beside mean and standard deviation of all."""
+
+_KINDS = {
+    Text: "text", Line2D: "line", Quiver: "arrows", ContourSet: "contours", Collection: "collection",
+    AxesImage: "image", Patch: "patch",
+}
+
+
+def figure_digest(fig):
+    """Return what a figure draws, as text of some lines for each of its axes.
+
+    Parameters
+    ----------
+    fig : Figure
+        Laid out as it is saved (``fig.draw_without_rendering()``).
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> from pegpose_lab import plotting
+    >>> fig, ax = plotting.figure()
+    >>> lines = ax.plot([0, 1, 2], [0, 1, 4], label="square")
+    >>> labels = ax.set(xlabel="x (mm)", ylabel="y (mm)", xlim=(0, 2), ylim=(0, 4))
+    >>> print(figure_digest(fig))
+    figure: 7 x 3.6 in
+    axes 1
+      x 'x (mm)' 0.000e+00 to 2.000e+00
+      y 'y (mm)' 0.000e+00 to 4.000e+00
+      line 'square' #1f77b4 -
+        x of 3: mean 0.500 sd 0.408: 0.000 0.000 0.500 1.000 1.000
+        y of 3: mean 0.417 sd 0.425: 0.000 0.000 0.250 1.000 1.000
+    """
+    width, height = fig.get_size_inches()
+    lines = [f"figure: {width:g} x {height:g} in"]
+    lines += [f"  text {text.get_text()!r}" for text in fig.texts if text.get_text()]
+    lines += [line for legend in fig.legends for line in _legend(legend)]
+    for number, ax in enumerate(fig.axes, 1):
+        if ax.get_visible():
+            lines += [f"axes {number}", *_axes(ax)]
+    return "\n".join(lines)
+
+
+# --- axes ---------------------------------------------------------------------------------------
+
+
+def _axes(ax):
+    """Titles, axes, artists and legend, a line or more each."""
+    titles = [ax.get_title(place) for place in ("left", "center", "right")]
+    lines = [f"  title {title!r}" for title in titles if title]
+    if ax.axison:
+        lines += [f"  {name} {_axis(axis)}" for name, axis in (("x", ax.xaxis), ("y", ax.yaxis))]
+    frame = {ax.patch, ax.title, ax._left_title, ax._right_title, *ax.spines.values()}
+    artists = [child for child in ax.get_children() if child.get_visible() and child not in frame and _kind(child)]
+    for (kind, look), group in itertools.groupby(artists, key=lambda artist: (_kind(artist), _look(artist))):
+        lines += _group(ax, kind, look, list(group))
+    return lines + _legend(ax.get_legend())
+
+
+def _axis(axis):
+    """Label, scale, limits and the tick labels that the data do not give."""
+    low, high = axis.get_view_interval()[:: -1 if axis.get_inverted() else 1]
+    scale = "" if axis.get_scale() == "linear" else f" {axis.get_scale()}"
+    ticks = [text.get_text() for text in axis.get_ticklabels()]
+    fixed = f" {ticks}" if isinstance(axis.get_major_formatter(), (FixedFormatter, FuncFormatter)) and any(ticks) else ""
+    return f"{axis.get_label_text()!r}{scale} {_limit(low, high)} to {_limit(high, low)}{fixed}"
+
+
+def _limit(value, other):
+    """One limit of an axis to four digits; zero where it is rounding noise beside the other."""
+    return f"{0.0 if abs(value) < 1e-9 * abs(other) else value:.3e}"
+
+
+def _legend(legend):
+    """The legend's entries with the look of their handles."""
+    if legend is None or not legend.get_visible():
+        return []
+    pairs = zip(legend.legend_handles, legend.get_texts(), strict=True)
+    return [f"  legend {text.get_text()!r} {'' if handle is None else _look(handle)}" for handle, text in pairs]
+
+
+# --- artists ------------------------------------------------------------------------------------
+
+
+def _kind(artist):
+    """The word for an artist that draws something, else None."""
+    if isinstance(artist, Legend) or (isinstance(artist, Text) and not artist.get_text()):
+        return None
+    return next((word for kind, word in _KINDS.items() if isinstance(artist, kind)), None)
+
+
+def _look(artist):
+    """Colour of an artist, or its colour map and range; marker and style of a line."""
+    if isinstance(artist, Line2D):
+        parts = (to_hex(artist.get_color()), artist.get_marker(), artist.get_linestyle())
+        return " ".join(str(part) for part in parts if part not in ("None", "", " ", None))
+    if isinstance(artist, (Collection, AxesImage)) and (artist.get_array() is not None or isinstance(artist, ContourSet)):
+        return f"{artist.get_cmap().name} {' to '.join(f'{limit:.3e}' for limit in artist.get_clim())}"
+    if isinstance(artist, (Collection, Patch)):
+        faces, edges = (np.reshape(color, (-1, 4)) for color in (artist.get_facecolor(), artist.get_edgecolor()))
+        shown = [color for color in (*faces[:1], *edges[:1]) if color[3] > 0]
+        return to_hex(shown[0]) if shown else "transparent"
+    return ""
+
+
+def _group(ax, kind, look, artists):
+    """The lines on neighbours of one kind and look, such as the bars of a histogram."""
+    if kind == "contours":
+        return [line for contours in artists for line in (f"  contours {look}", *_contours(ax, contours))]
+    if kind == "text":
+        return [f"  text {text.get_text()!r} at {_numbers(_positions(ax, text).ravel())}" for text in artists]
+    labels = [artist.get_label() for artist in artists if not artist.get_label().startswith("_")]
+    head = " ".join(["  " + kind, *map(repr, labels[:1]), look, *([f"({len(artists)})"] if len(artists) > 1 else [])])
+    positions = np.clip(np.concatenate([_positions(ax, artist) for artist in artists]), -FAR, 1 + FAR)
+    lines = [head.rstrip(), *_summary("xy", positions)]
+    for artist in artists:
+        lines += _values(kind, artist)
+    return lines
+
+
+def _values(kind, artist):
+    """What an artist shows beside its position: directions of arrows, grey levels and other mapped values."""
+    if kind == "arrows":
+        arrows = np.column_stack([artist.U, artist.V])
+        longest = np.hypot(*arrows.T).max()
+        return [f"    longest {longest:.2e} scale {artist.scale:.3e}", *_summary("uv", arrows / longest)]
+    if kind == "image" or (kind == "collection" and artist.get_array() is not None):
+        return [f"    values {_numbers(_parts(artist))}"]
+    return []
+
+
+def _parts(artist):
+    """Means over the four quarters of an array of values, as fractions of the colour range; of each colour channel."""
+    values = np.ma.filled(np.ma.asarray(artist.get_array(), dtype=float), 0.0)
+    if values.ndim == 3:
+        values = values / (values.max() if values.max() > 1 else 1.0)
+    else:
+        low, high = artist.get_clim()
+        values = np.clip((values - low) / ((high - low) or 1.0), 0, 1)
+    halves = [part for half in np.array_split(values, 2) for part in np.array_split(half, 2, axis=min(1, values.ndim - 1))]
+    return np.concatenate([np.atleast_1d(part.mean(axis=tuple(range(min(2, part.ndim))))) for part in halves if part.size])
+
+
+def _positions(ax, artist):
+    """Points (n, 2) of an artist as fractions of the axes, without those that have no place there."""
+    if isinstance(artist, Text):
+        display = artist.get_transform().transform([artist.get_unitless_position()])
+    elif isinstance(artist, Line2D):
+        display = artist.get_transform().transform(artist.get_xydata())
+    elif isinstance(artist, Patch):
+        display = artist.get_transform().transform(artist.get_path().vertices)
+    elif isinstance(artist, AxesImage):
+        left, right, lower, upper = artist.get_extent()
+        display = artist.get_transform().transform([[left, lower], [right, upper]])
+    else:
+        display = _collection_positions(artist)
+    points = ax.transAxes.inverted().transform(np.ma.filled(np.ma.asarray(display, dtype=float), np.nan))
+    return points[np.isfinite(points).all(axis=1)]
+
+
+def _collection_positions(collection):
+    """Where a collection draws: its markers and arrows, or its paths if each is in its own place."""
+    if not isinstance(collection.get_offset_transform(), IdentityTransform):
+        return collection.get_offset_transform().transform(np.ma.reshape(collection.get_offsets(), (-1, 2)))
+    vertices = [path.vertices for path in collection.get_paths()]
+    return collection.get_transform().transform(np.concatenate(vertices)) if vertices else np.empty((0, 2))
+
+
+def _summary(names, points):
+    """Mean, standard deviation and some values of each column."""
+    if not len(points):
+        return ["    nothing"]
+    chosen = points[np.linspace(0, len(points) - 1, SAMPLES).round().astype(int)]
+    return [
+        f"    {name} of {len(points)}: mean {column.mean():.3f} sd {column.std():.3f}: {_numbers(values)}"
+        for name, column, values in zip(names, points.T, chosen.T, strict=True)
+    ]
+
+
+def _contours(ax, contours):
+    """Levels, and the centre of all lines by their length: a line may have more or fewer vertices, but no other place."""
+    to_axes = contours.get_transform() - ax.transAxes
+    outlines = [line for path in contours.get_paths() for line in path.to_polygons(to_axes, closed_only=False)]
+    if not outlines:
+        return ["    nothing"]
+    starts, ends = (np.concatenate([line[part] for line in outlines]) for part in (slice(-1), slice(1, None)))
+    lengths = np.hypot(*(ends - starts).T)
+    centre = lengths @ (starts + ends) / (2 * lengths.sum())
+    return [f"    levels {' '.join(f'{level:.3e}' for level in contours.levels)}", f"    centre {_numbers(centre)}"]
+
+
+def _numbers(values):
+    """Numbers to three digits, without a minus sign before zero."""
+    return " ".join(f"{round(value, 3) + 0.0:.3f}" for value in values)
