@@ -46,6 +46,11 @@ def _setup(options):
     return 0
 
 
+def _results():
+    """The folder of the committed results."""
+    return CHECKOUT / "data" / "results"
+
+
 def _reproduce(options):
     """Run the notebooks, move what they wrote into place, and compare it with the paper."""
     from pegpose_lab import running
@@ -55,7 +60,7 @@ def _reproduce(options):
         running.reproduce(
             notebooks,
             options.output,
-            known_results=CHECKOUT / "data" / "results",
+            known_results=_results(),
             known="*" if options.notebooks else "bench_*",  # no notebook makes those of the benchmark
             cell_timeout=CELL_TIMEOUT,
             update=options.update_notebooks,
@@ -73,12 +78,13 @@ def _choose(patterns):
 
 
 def _report(options):
-    """Compare the results with the paper, in claims.csv, in the README and on the screen."""
-    from pegpose_lab import claims
+    """Compare the results with the paper, in claims.csv, in the two READMEs and on the screen."""
+    from pegpose_lab import claims, front_page
 
     table = claims.write_claims(options.output / "data" / "results")
     if options.output == CHECKOUT:
-        claims.update_readme(CHECKOUT / "README.md", table)
+        claims.update_readme(_results() / "README.md", table)
+        front_page.write(CHECKOUT / "README.md", _results())
     print(claims.format_table(table))
     return 0
 
@@ -92,7 +98,7 @@ def _test(options):
     os.chdir(CHECKOUT)
     if options.processors is not None:
         return _test_processors(options.processors, options.extra)
-    with running.scratch_output(CHECKOUT / "data" / "results") as output:
+    with running.scratch_output(_results()) as output:
         os.environ.update(PEGPOSE_OUTPUT=str(output), IPYTHONDIR=str(output / "ipython"))
         code = int(pytest.main(_notebook_testing() + options.extra))
         changed = running.changed_files(output, CHECKOUT)
@@ -138,14 +144,16 @@ def _test_processors(names, extra):
 def _bench(options):
     """Measure circle detection beside its peers and its bound; a full run is written into place."""
     environment.add_bench_packages()
-    from pegpose_lab import bench, results
+    from pegpose_lab import bench, front_page, results
 
-    readme = CHECKOUT / "README.md" if options.output == CHECKOUT and not options.quick else None
+    readme = _results() / "README.md" if options.output == CHECKOUT and not options.quick else None
     if readme:
         results.block_is_current(readme, "bench", "")  # raises now, not after the run, if there is no place for it
     report = bench.run(bench.QUICK if options.quick else bench.FULL)
     if not options.quick:
         bench.write(report, options.output / "data" / "results", readme)
+    if readme:
+        front_page.write(CHECKOUT / "README.md", _results())
     print(bench.to_text(report))
     if options.quick:
         print("A quick run: it shows that everything works; one frame of each scene says nothing of the aims.")

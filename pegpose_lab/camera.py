@@ -49,16 +49,23 @@ def distort_radius(radius, kappa1):
     ndarray
         Distorted radius r_d, mm; beyond `max_undistorted_radius` the radius at which the map turns back.
     """
-    radius, kappa1 = np.broadcast_arrays(np.asarray(radius, np.float64), np.asarray(kappa1, np.float64))
+    radius, kappa1 = np.asarray(radius, np.float64), np.asarray(kappa1, np.float64)
     scale = np.sqrt(3 * np.maximum(np.abs(kappa1), np.finfo(float).tiny))
     argument = 1.5 * radius * scale
-    barrel = np.sinh(np.arcsinh(argument) / 3)
-    pincushion = np.sin(np.arcsin(np.minimum(argument, 1.0)) / 3)
-    root = np.where(kappa1 < 0, pincushion, barrel) * (2 / scale)
-    root = np.where(kappa1 == 0, radius, root)
-    slope = 1 + 3 * kappa1 * root**2
+    root = np.sinh(np.arcsinh(argument) / 3)
+    pincushion = np.broadcast_to(kappa1 < 0, root.shape)
+    if pincushion.any():
+        third = np.arcsin(np.minimum(argument, 1.0), where=pincushion, out=np.zeros(root.shape)) / 3
+        root = np.sin(third, where=pincushion, out=np.array(root))
+    root = root * (2 / scale)
+    if np.any(kappa1 == 0):
+        root = np.where(kappa1 == 0, radius, root)
+    stretch = kappa1 * root**2
+    excess, slope = root * (1 + stretch) - radius, 1 + 3 * stretch
     reachable = radius <= max_undistorted_radius(kappa1) * (1 - 1e-6)  # at the turning point the slope is 0
-    return np.where(reachable, root - (root * (1 + kappa1 * root**2) - radius) / np.where(reachable, slope, 1), root)
+    if not np.all(reachable):
+        excess, slope = np.where(reachable, excess, 0.0), np.where(reachable, slope, 1.0)
+    return root - excess / slope
 
 
 class _Camera:

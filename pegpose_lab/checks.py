@@ -20,6 +20,8 @@ def as_image(image, name="image"):
     ValueError
         If it is not a two-dimensional, non-empty array of 8-bit grey values.
     """
+    if image is None:
+        raise ValueError(f"{name} is None, as cv2.imread returns for a file that was not read; check its path")
     array = np.asarray(image)
     if array.ndim != 2 or array.size == 0 or array.dtype != np.uint8:
         raise ValueError(
@@ -74,14 +76,45 @@ def as_number(value, name, minimum=-np.inf, maximum=np.inf, *, exclusive=False):
     ValueError
         If it is not such a number.
     """
+    if np.ndim(value) != 0 or isinstance(value, (str, bytes, bool, np.bool_)):
+        raise ValueError(f"{name} is {value!r}; expected a number")
     try:
         number = float(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name} is {value!r}; expected a number") from error
     inside = minimum < number < maximum if exclusive else minimum <= number <= maximum
     if not (np.isfinite(number) and inside):
         raise ValueError(f"{name} is {number:g}; expected a finite number between {minimum:g} and {maximum:g}")
     return number
+
+
+def as_count(value, name, minimum=0, maximum=np.inf):
+    """Return `value` as an int within [minimum, maximum]; a float counts if it is a whole number (8.0).
+
+    Raises
+    ------
+    ValueError
+        If it is not such a number; text and truth values are none.
+    """
+    number = as_number(value, name)
+    if number != int(number) or not minimum <= number <= maximum:
+        bounds = f"of at least {minimum}" if maximum == np.inf else f"between {minimum} and {maximum}"
+        raise ValueError(f"{name} is {value!r}; expected a whole number {bounds}")
+    return int(value)
+
+
+def as_choice(value, name, choices):
+    """Return that one of `choices` (strings, numbers) which `value` equals.
+
+    Raises
+    ------
+    ValueError
+        If there is none; the message lists them.
+    """
+    for choice in choices:
+        if isinstance(value, str) == isinstance(choice, str) and np.ndim(value) == 0 and value == choice:
+            return choice
+    raise ValueError(f"{name} is {value!r}; expected one of {', '.join(map(repr, choices))}")
 
 
 def as_pose(pose, name):

@@ -9,14 +9,16 @@ time.  They serve to find circles, `pegpose_lab.edges` to measure them:
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from .checks import as_image, as_number, as_points
+from .checks import as_choice, as_count, as_image, as_number, as_points
+from .own_radius import end_tolerance, own_radius
 
 METHODS = ("two-stage", "phase-code", "accumulator", "multiscale")
+POLARITIES = ("bright", "dark")
 OCTAVE = 5.0  # px, smallest radius that is searched on a reduced picture; the largest is twice that, or 2.4 times
 NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of the noise, and at all
 LEAST_VOTES, LEAST_QUALITY = 0.25, 1.0  # of a candidate
@@ -25,6 +27,7 @@ BAND = 0.2  # part of the radius by which an ellipse's edge may depart from a ci
 SECTORS = 24
 RADIUS_STEP = 0.5  # px between the radii of the votes along the gradient
 SMOOTHING = 2.0  # px, sigma of the Gaussian over the 2-D accumulator
+LEAST_WIDTH = 16.0  # px, of the range in which votes are cast, whatever range was asked for
 CHUNK = 500_000  # votes held in memory at a time
 
 
@@ -71,7 +74,9 @@ def find_circles(
     image : (height, width) uint8 or bool
         A grey picture, or a mask (the paper looks for circles in the segmented image).
     radius_range : (r_min, r_max) px
-        0 < r_min < r_max.  Radii never lie outside.  Keep r_max below 3 r_min for "two-stage" and "phase-code".
+        0 < r_min <= r_max.  Radii never lie outside, and a circle whose own radius, by its edge, lies outside by more
+        than its error (3 %, at least 0.5 px) is not returned, even if all of it is seen.  One nearer to the range is
+        returned with a radius at the range's end.  Keep r_max below 3 r_min for "two-stage" and "phase-code".
     method : {"multiscale", "two-stage", "phase-code", "accumulator"}
         "multiscale" searches each octave of radii on a picture reduced so far (by 1, 2, 4 ...) that they are 5
         to 10 px there (those below 10 px on the picture itself).  Edge points, thinned as Canny does, count from a
@@ -89,6 +94,8 @@ def find_circles(
         concentric circles.  "accumulator" takes maxima over 3 x 3 x 3 neighbours, refined
         by a parabola along each axis; the score is the share of the circle's perimeter that was
         voted for, at least 1 - sensitivity/2, and the gradient along the perimeter must have the right polarity.
+        In ranges narrower than 16 px "two-stage" and "phase-code" let radii beyond the range vote, too: a blurred
+        edge is wider than such a range.
     polarity : {"bright", "dark"}
         Discs brighter or darker than what surrounds them.
     sensitivity : float in [0, 1]
@@ -118,7 +125,7 @@ def find_circles(
     image = _as_grey(image)
     request = _as_request(radius_range, method, polarity, sensitivity, edge_threshold)
     if max_circles is not None:
-        max_circles = int(as_number(max_circles, "max_circles", 1))
+        max_circles = as_count(max_circles, "max_circles", 1)
     rows = [np.empty((0, 4))]
     for x0, y0, x1, y1 in _windows(image.shape, regions, request):
         found = _find(image[y0:y1, x0:x1], request)
@@ -157,8 +164,11 @@ def circle_accumulator(image, radius_range, *, method="two-stage", polarity="bri
         raise ValueError("method is 'multiscale', which has no one accumulator; expected one of the others")
     request = _as_request(radius_range, method, polarity, 0.85, edge_threshold)
     if method == "accumulator":
+        radii = np.arange(int(np.ceil(request.r_min)), int(np.floor(request.r_max)) + 1)
+        if len(radii) == 0:
+            raise ValueError(f"radius_range is {radius_range}; expected a whole radius in it for 'accumulator'")
         edges = _thin_edges(_Gradient(image), request)
-        return np.stack([_draw_circles(edges, r) for r in _whole_radii(request)])
+        return np.stack([_draw_circles(edges, int(r)) for r in radii])
     return _vote(_Gradient(image), request)
 
 
@@ -179,13 +189,8 @@ def _as_request(radius_range, method, polarity, sensitivity, edge_threshold):
     except (TypeError, ValueError) as error:
         raise ValueError(f"radius_range is {radius_range!r}; expected a pair (r_min, r_max) in px") from error
     r_min = as_number(r_min, "radius_range[0]", 0.0, 1e5, exclusive=True)
-    r_max = as_number(r_max, "radius_range[1]", r_min, 1e5, exclusive=True)
-    if method not in METHODS:
-        raise ValueError(f"method is {method!r}; expected one of {', '.join(METHODS)}")
-    if polarity not in ("bright", "dark"):
-        raise ValueError(f"polarity is {polarity!r}; expected 'bright' or 'dark'")
-    if method == "accumulator" and np.ceil(r_min) > np.floor(r_max):
-        raise ValueError(f"radius_range is {r_min:g}..{r_max:g}; expected a whole radius in it for 'accumulator'")
+    r_max = as_number(r_max, "radius_range[1]", r_min, 1e5)
+    method, polarity = as_choice(method, "method", METHODS), as_choice(polarity, "polarity", POLARITIES)
     sensitivity = as_number(sensitivity, "sensitivity", 0.0, 1.0)
     if edge_threshold is not None:
         edge_threshold = as_number(edge_threshold, "edge_threshold", 0.0, 1.0)
@@ -261,8 +266,8 @@ def _weights(radii, request):
     weights = 1 / (2 * np.pi * radii)
     if request.method == "two-stage":
         return weights
-    phase = 2 * np.pi * np.log(radii / request.r_min) / np.log(request.r_max / request.r_min)
-    return weights * np.exp(1j * phase)
+    turns = np.log(radii / request.r_min) / max(np.log(request.r_max / request.r_min), 1e-12)
+    return weights * np.exp(2j * np.pi * turns)
 
 
 def _add_votes(votes, edges, radii, weights, shape):
@@ -276,11 +281,6 @@ def _add_votes(votes, edges, radii, weights, shape):
     for total, part in ((votes.real, weights.real), (votes.imag, weights.imag)):
         if part.any():
             total += np.bincount(cells, np.broadcast_to(part[:, None], inside.shape)[inside], size)
-
-
-def _whole_radii(request):
-    """The whole radii of the 3-D accumulator."""
-    return np.arange(int(np.ceil(request.r_min)), int(np.floor(request.r_max)) + 1)
 
 
 def _draw_circles(edges, radius):
@@ -303,12 +303,46 @@ def _find(window, request):
         return np.empty((0, 4))
     if request.method == "accumulator":
         return _find_in_volume(gradient, request)
-    votes = _vote(gradient, request)
+    wide = _widened(request)
+    votes = _vote(gradient, wide)
     smooth = cv2.GaussianBlur(np.abs(votes), (0, 0), SMOOTHING, borderType=cv2.BORDER_CONSTANT)
     peaks = _regional_peaks(smooth, max(1 - request.sensitivity, 1e-6))
     radius = _radius_by_phase if request.method == "phase-code" else _radius_by_histogram
-    rows = [(x, y, radius(votes, gradient, x, y, request), score) for x, y, score in peaks]
-    return np.array(rows).reshape(-1, 4)
+    rows = [(x, y, radius(votes, gradient, x, y, wide), score) for x, y, score in peaks]
+    return _of_own_radius(gradient, np.array(rows).reshape(-1, 4), request, wide)
+
+
+def _widened(request):
+    """The request with a range of at least LEAST_WIDTH px, so that all of a blurred edge can vote."""
+    more = max(0.5 * (LEAST_WIDTH - (request.r_max - request.r_min)), 0)
+    return replace(request, r_min=max(request.r_min - more, 0.5 * request.r_min), r_max=request.r_max + more)
+
+
+def _of_own_radius(gradient, rows, request, wide):
+    """The circles, rows x, y, r, score, whose radius lies in the range by what their edge itself tells.
+
+    A circle of which too little edge is seen for that is judged by the radius that the method gives it.  That
+    of "phase-code" is ambiguous at the ends of the range: there the edge tells which one it is.
+    """
+    if len(rows) == 0:
+        return rows
+    y, x = np.nonzero(gradient.magnitude > gradient.threshold(request))
+    inwards = request.sign * np.stack([gradient.dx[y, x], gradient.dy[y, x]], axis=1).astype(float)
+    points, reach = np.stack([x, y], axis=1).astype(float), 3 * wide.r_max
+    own = np.array([own_radius(points, inwards, row[:3], reach) for row in rows])
+    known, ratio = np.isfinite(own), wide.r_max / wide.r_min
+    if request.method == "phase-code":
+        others = rows[:, 2, None] * ratio ** np.array([0.0, -1.0, 1.0])
+        nearest = np.abs(others - np.where(known, own, rows[:, 2])[:, None]).argmin(axis=1)
+        rows[:, 2] = others[np.arange(len(rows)), nearest]
+    radii = np.where(known, own, rows[:, 2])
+    return rows[_in_range(radii, request)]
+
+
+def _in_range(radii, request):
+    """Which radii lie in the range, or nearer to it than the error that they may have."""
+    tolerance = end_tolerance(radii)
+    return (radii >= request.r_min - tolerance) & (radii <= request.r_max + tolerance)
 
 
 def _regional_peaks(surface, h):
@@ -390,12 +424,11 @@ def _find_multiscale(image, request):
     while True:
         low, high = request.r_min / reduction, largest / reduction
         last = high <= 2.4 * OCTAVE
-        if low < 2 * OCTAVE:
+        if low < 2 * OCTAVE or last:
             low = max(low, OCTAVE if reduction > 1 else 0)
             found = _find_octave(image, (low, high if last else 2 * OCTAVE), request) if low <= high else rows[0]
             found = found * [reduction, reduction, reduction, 1] + 0.5 * (reduction - 1) * _IS_PLACE
-            slack = 0.02 * found[:, 2] + 0.5 * reduction
-            rows.append(found[(found[:, 2] > request.r_min - slack) & (found[:, 2] < request.r_max + slack)])
+            rows.append(found[_in_range(found[:, 2], request)])
         if last:
             return np.concatenate(rows)
         image, reduction = _halved(image), 2 * reduction
@@ -415,6 +448,8 @@ def _find_octave(image, radii, request):
     edges = _EdgePoints.of(image, request)
     if len(edges.x) == 0:
         return np.empty((0, 4))
+    more = max(0.5 * (1 - (radii[1] - radii[0])), 0)  # an edge is no narrower than that
+    radii = max(radii[0] - more, 0.5 * radii[0]), radii[1] + more
     peaks = _octave_peaks(edges, radii, image.shape)
     if len(peaks) == 0:
         return np.empty((0, 4))
@@ -586,15 +621,16 @@ def _find_in_volume(gradient, request):
     """Rows x, y, r, score: maxima of the 3-D accumulator, held three planes at a time."""
     edges, least = _thin_edges(gradient, request), 1 - request.sensitivity / 2
     empty = np.zeros(edges.shape, np.float32)
-    below, here, rows, last_radius = empty, empty, [], None
-    radii = _whole_radii(request)
-    for radius in [*radii, None]:
-        above = empty if radius is None else _draw_circles(edges, int(radius))
-        if here is not empty:
-            rows.extend(_plane_maxima(below, here, above, last_radius, least))
-        below, here, last_radius = here, above, radius
+    first, last = max(int(np.floor(request.r_min)) - 1, 1), int(np.ceil(request.r_max)) + 1
+    below = _draw_circles(edges, first - 1) if first > 1 else empty
+    here, rows = _draw_circles(edges, first), []
+    for radius in range(first, last + 1):  # planes beyond the range tell which circles belong there
+        above = _draw_circles(edges, radius + 1)
+        rows.extend(_plane_maxima(below, here, above, radius, least))
+        below, here = here, above
     rows = [row for row in rows if _has_polarity(gradient, row, request.sign)]
-    return np.array(rows, float).reshape(-1, 4)
+    rows = np.array(rows, float).reshape(-1, 4)
+    return rows[_in_range(rows[:, 2], request)]
 
 
 def _plane_maxima(below, here, above, radius, least):

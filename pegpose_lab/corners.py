@@ -1,28 +1,24 @@
-"""Corners of a checkerboard in a picture, to sub-pixel accuracy (Sect. 4).
+"""Corners of a checkerboard in an image, to sub-pixel accuracy (Sect. 4).
 
-OpenCV finds the grid; what it is worth is then decided here, by one fit for all corners.  Near a corner the
-picture of two crossing, blurred edges is
-
-    I = m + a erf(d_1 / (sqrt(2) s)) erf(d_2 / (sqrt(2) s)) + g_x x + g_y y,
-
-d_1 and d_2 the signed distances to the edges, s the blur, and g a gradient of the light, which would
-otherwise pull the corner.  Least squares over a round window (maximum likelihood under white noise) gives the
-corner, the directions of both edges, the blur and the levels together.
+OpenCV finds the grid (`board_grid`); what it is worth is then decided by one fit for all corners (`corner_fit`), and
+by what lies around the grid (`board_checks`).
 """
 
-import cv2
 import numpy as np
-from scipy.special import erf
 
+from .board_checks import check_ends
+from .board_grid import candidate_grids, seen_grid
 from .checks import DetectionError, as_image
+from .corner_fit import fit_corners
 
 WINDOW = 15.0  # px, largest radius of a window: noise falls with it, the pull of edges bent by the lens grows
-SMALLEST_BLUR, LARGEST_BLUR = 0.3, 5.0  # px
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
 SMALLEST_PITCH = 7.0  # px between neighbouring corners; below, a window holds too few pixels
-_STEPS = 30
-_TOLERANCE = 1e-5  # px
-_STEP_LIMITS = np.array([1.0, 1.0, 0.2, 0.2, 0.5] + [np.inf] * 4)
+PASSES = 3
+LARGEST_MOVE = 0.25  # of the pitch, from where the grid was found
+LARGEST_SIGMA = 0.5  # px
+LARGEST_MISFIT = 0.4  # of the contrast, and 3 times the board's median (noise): beyond, something covers the corner
+SMALLEST_CONTRAST = 0.15  # of the board's median
 
 
 def find_corners(image, board):
@@ -58,25 +54,52 @@ def find_corners(image, board):
     image = as_image(image)
     if min(board.columns, board.rows) < 3:
         raise ValueError(f"board has {board.columns} columns and {board.rows} rows; expected at least 3 of each")
-    grid = _orient(image, _find_grid(image, board.columns, board.rows))
-    return _refine(image, grid)
+    refusal = None
+    for candidate in candidate_grids(image, board.columns, board.rows):
+        try:
+            corners = _measure(image, *candidate)
+        except DetectionError as error:
+            refusal = refusal or error
+        else:
+            check_ends(image, corners.reshape(board.rows, board.columns, 2))
+            return corners
+    raise _not_found(image, board, refusal)
 
 
-def _find_grid(image, columns, rows):
-    """The corners (rows, columns, 2) to a pixel or so, in any of the orders that fit the board."""
-    sectors = [cv2.CALIB_CB_NORMALIZE_IMAGE, cv2.CALIB_CB_EXHAUSTIVE]
-    classic = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    attempts = [(cv2.findChessboardCornersSB, flags) for flags in sectors] + [(cv2.findChessboardCorners, classic)]
-    for detect, flags in attempts if min(image.shape) > 2 * SMALLEST_PITCH else []:
-        found, corners = detect(image, (columns, rows), flags=flags)
-        if found:
-            return np.asarray(corners, np.float64).reshape(rows, columns, 2)
+def _not_found(image, board, refusal):
+    """The error for an image without the board: `refusal` if a grid of its size was refused, else what is seen."""
+    asked, seen = sorted((board.columns, board.rows)), _seen_size(image)
+    if refusal and (seen is None or sorted(seen) == asked):
+        return refusal
     height, width = image.shape
-    raise DetectionError(
-        f"no board of {columns} x {rows} inner corners in the {width} x {height} picture (grey values "
-        f"{image.min()} to {image.max()}); show the whole board with a light rim, evenly lit and in focus; check "
-        "columns and rows"
+    instead = f"; a board of {seen[0]} x {seen[1]} is seen" if seen else ""
+    return DetectionError(
+        f"no board of {board.columns} x {board.rows} inner corners in the {width} x {height} picture (grey values "
+        f"{image.min()} to {image.max()}){instead}; show the whole board with a light rim, evenly lit and in focus; "
+        "check columns and rows"
     )
+
+
+def _seen_size(image):
+    """Columns and rows, the larger first, of the clear corners of whatever board is seen; None if there is none."""
+    grid, view = seen_grid(image)
+    if grid is None or min(grid.shape[:2]) < 3 or _edge_normals(grid)[1].min() < SMALLEST_PITCH:
+        return None
+    clear = ~_unclear(*_fit(view, grid), grid).reshape(grid.shape[:2])
+    for _ in range(4):  # OpenCV may count a line along the rim
+        for turn in range(4):
+            if clear.shape[0] > 3 and clear[0].mean() < 0.6:
+                clear = clear[1:]
+            clear = np.rot90(clear)
+    return (max(clear.shape), min(clear.shape)) if clear.mean() > 0.9 else None
+
+
+def _measure(image, grid, view, scale, offset):
+    """The corners (n, 2), px of `image`, of a grid that was found in a view of it."""
+    grid = _orient(view, grid)
+    if scale < 0.5 and _edge_normals(grid)[1].min() >= SMALLEST_PITCH:
+        grid = _refine(view, grid).reshape(grid.shape)
+    return _refine(image, (grid + 0.5) / scale - 0.5 + offset)
 
 
 def _orient(image, grid):
@@ -101,20 +124,32 @@ def _first_cell_is_dark(image, grid):
 
 
 def _refine(image, grid):
-    """Fit the model of the module's text to every corner of an oriented grid; return (n, 2) px."""
-    start = grid.reshape(-1, 2)
-    normals, pitch = _edge_normals(grid)
-    if pitch.min() < SMALLEST_PITCH:
+    """Fit every corner of an oriented grid (rows, columns, 2); return (n, 2) px."""
+    pitch = _edge_normals(grid)[1].min()
+    if pitch < SMALLEST_PITCH:
         raise DetectionError(
-            f"neighbouring corners are down to {pitch.min():.1f} px apart; at least {SMALLEST_PITCH:g} px are "
+            f"neighbouring corners are down to {pitch:.1f} px apart; at least {SMALLEST_PITCH:g} px are "
             "needed: bring the board closer or take a larger picture"
         )
-    pixels = np.rint(start)
-    values, weights, lattice = _windows(image, pixels.astype(int), np.minimum(REACH * pitch, WINDOW))
-    parameters, converged = _fit(values, weights, lattice, np.column_stack([start - pixels, normals]))
-    corners = pixels + parameters[:, :2]
-    _check(corners, start, parameters[:, 6], converged, pitch, grid.shape[1])
+    corners, fits = _fit(image, grid)
+    _check(corners, fits, grid)
     return corners
+
+
+def _fit(image, grid):
+    """Corners (n, 2), px, of a grid (rows, columns, 2), and their fits.
+
+    Window and start come from the grid at first, then from the corners: what is found depends on the image alone.
+    """
+    corners = grid.reshape(-1, 2)
+    start = _edge_normals(grid)[0]
+    for last in [False] * (PASSES - 1) + [True]:
+        pixels, offsets = np.rint(corners), corners - np.rint(corners)
+        _, pitch = _edge_normals(corners.reshape(grid.shape))
+        values, weights, lattice = _windows(image, pixels.astype(int), offsets, np.minimum(REACH * pitch, WINDOW))
+        fits = fit_corners(values, weights, lattice, np.column_stack([offsets, start]), rough=not last)
+        corners, start = pixels + fits.parameters[:, :2], fits.parameters[:, 2:]
+    return corners, fits
 
 
 def _edge_normals(grid):
@@ -129,87 +164,41 @@ def _edge_normals(grid):
     return np.column_stack([first.ravel(), second.ravel()]), pitch.ravel()
 
 
-def _windows(image, pixels, radii):
-    """Grey values and weights (n, k) in square windows around pixels, and the windows' lattice (2, k).
+def _windows(image, pixels, offsets, radii):
+    """Grey values and weights (n, k) in windows around pixels, and the windows' lattice (2, k).
 
-    The weight is 1 within the radius and the picture, else 0.
+    The weight is 1 within the radius around pixel + offset and falls to 0 over one px; outside of the image it is 0.
     """
-    half = int(np.ceil(radii.max()))
+    half = int(np.ceil(radii.max() + 1.3))  # an offset is up to 0.71 px
     lattice = np.indices((2 * half + 1, 2 * half + 1)).reshape(2, -1)[::-1] - half
+    lattice = lattice[:, np.hypot(*lattice) <= half]
     x, y = (pixels[:, :, None] + lattice).transpose(1, 0, 2)
     height, width = image.shape
     seen = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    weights = seen & (np.hypot(*lattice) <= radii[:, None])
+    distances = np.hypot(*(lattice - offsets[:, :, None]).transpose(1, 0, 2))
+    weights = seen * np.clip(radii[:, None] - distances + 0.5, 0.0, 1.0)
     values = image[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)].astype(float)
-    return values, weights.astype(float), lattice.astype(float)
+    return values, weights, lattice.astype(float)
 
 
-def _fit(values, weights, lattice, start):
-    """Gauss-Newton on all corners at once.
-
-    Parameters are x, y, the two normals' directions, log s, m, a, g_x, g_y; `start` holds the first four.
-    Returns them (n, 9) and whether the last step was small (n,).
-    """
-    parameters = np.hstack([start, np.zeros((len(start), 5))])
-    product = _model(parameters, lattice)[1][:, :, 6]
-    total = weights.sum(axis=1)
-    parameters[:, 5] = np.sum(weights * values, axis=1) / total
-    spread = np.maximum(np.sum(weights * product**2, axis=1), 1e-9)
-    parameters[:, 6] = np.sum(weights * product * (values - parameters[:, 5:6]), axis=1) / spread
-    for _ in range(_STEPS):
-        model, jacobian = _model(parameters, lattice)
-        weighted = (jacobian * weights[:, :, None]).transpose(0, 2, 1)
-        normal = weighted @ jacobian
-        diagonal = np.einsum("nii->ni", normal)
-        diagonal += 1e-9 * diagonal + 1e-9  # a window without an edge has no unique solution
-        step = np.linalg.solve(normal, weighted @ (values - model)[:, :, None])[:, :, 0]
-        parameters += np.clip(step, -_STEP_LIMITS, _STEP_LIMITS)
-        parameters[:, 4] = np.clip(parameters[:, 4], np.log(SMALLEST_BLUR), np.log(LARGEST_BLUR))
-        small = np.abs(step[:, :2]).max(axis=1) < _TOLERANCE
-        if small.all():
-            break
-    return parameters, small
-
-
-def _model(parameters, lattice):
-    """The model (n, k) of the module's text and its derivatives (n, k, 9)."""
-    x, y, first, second, log_s, mean, amplitude, slope_x, slope_y = parameters.T[:, :, None]
-    dx, dy = lattice[0] - x, lattice[1] - y
-    s = np.exp(log_s)
-    near, along, edge, slope = [], [], [], []
-    for angle in (first, second):
-        distance = np.cos(angle) * dx + np.sin(angle) * dy
-        near.append(distance)
-        along.append(np.cos(angle) * dy - np.sin(angle) * dx)
-        edge.append(erf(distance / (np.sqrt(2) * s)))
-        slope.append(np.sqrt(2 / np.pi) / s * np.exp(-0.5 * (distance / s) ** 2))
-    product = edge[0] * edge[1]
-    model = mean + amplitude * product + slope_x * lattice[0] + slope_y * lattice[1]
-    pull = amplitude * slope[0] * edge[1], amplitude * slope[1] * edge[0]  # derivatives by the two distances
-    columns = [
-        -pull[0] * np.cos(first) - pull[1] * np.cos(second),
-        -pull[0] * np.sin(first) - pull[1] * np.sin(second),
-        pull[0] * along[0],
-        pull[1] * along[1],
-        -pull[0] * near[0] - pull[1] * near[1],
-        np.ones_like(product),
-        product,
-        *np.broadcast_arrays(*lattice, product)[:2],
-    ]
-    return model, np.stack(columns, axis=2)
-
-
-def _check(corners, start, amplitude, converged, pitch, columns):
-    """Raise if a corner ran away, did not converge, or has dark squares where its neighbours have light ones."""
-    index = np.arange(len(corners))
-    row, column = np.divmod(index, columns)
+def _unclear(corners, fits, grid):
+    """Which corners (n,) ran away, did not converge, are covered, or have the colours of their neighbours."""
+    row, column = np.divmod(np.arange(len(corners)), grid.shape[1])
+    amplitude = fits.parameters[:, 6]
     signs = np.sign(amplitude) * (1 - 2 * ((row + column) % 2))
     majority = 1.0 if np.sum(signs) > 0 else -1.0
-    moved = np.linalg.norm(corners - start, axis=1)
-    bad = index[~converged | (signs != majority) | (moved > 0.25 * pitch)]
-    if bad.size:
-        places = ", ".join(f"({start[k, 0]:.0f}, {start[k, 1]:.0f})" for k in bad[:3])
+    moved = np.linalg.norm(corners - grid.reshape(-1, 2), axis=1)
+    unclear = ~fits.converged | (signs != majority) | (moved > LARGEST_MOVE * _edge_normals(grid)[1])
+    faint = np.abs(amplitude) < SMALLEST_CONTRAST * np.median(np.abs(amplitude))
+    return unclear | faint | (fits.sigma > LARGEST_SIGMA) | (fits.misfit > max(LARGEST_MISFIT, 3 * np.median(fits.misfit)))
+
+
+def _check(corners, fits, grid):
+    """Raise if a corner is unclear."""
+    bad = grid.reshape(-1, 2)[_unclear(corners, fits, grid)]
+    if len(bad):
+        places = ", ".join(f"({x:.0f}, {y:.0f})" for x, y in bad[:3])
         raise DetectionError(
-            f"{bad.size} of {len(corners)} corners are not clear crossings of two edges, near {places} px; look "
+            f"{len(bad)} of {len(corners)} corners are not clear crossings of two edges, near {places} px; look "
             "there for glare, dirt or something in front of the board"
         )

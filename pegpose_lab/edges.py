@@ -32,9 +32,12 @@ GROUND_WIDTHS = 4.0  # edge widths s from the edge to where the ground begins: R
 GROUND_SIGMAS = 3.0  # departure from the ring's levels or noise, in standard deviations, that bars ground
 QUANTISATION = 1 / 12  # variance of rounding to whole grey values
 N_RAYS, RAY_POINTS = 64, 49
-REMAP_ROWS = 30_000  # cv2.remap takes up to 32767
+REMAP_LIMIT = 32_766  # px, longest side of what cv2.remap takes
+CHUNK = 512  # pixels that are summed in float32: no sum depends on how far a disc's row is filled up
 SAME = 1.0  # px, distance of centres and radii below which two fits are of one disc
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together: their arrays stay in the cache
+N_SECTORS = np.array([24, 36, 48, 60, 78, 96])  # sectors of a refit, multiples of BLOCK
+SECTOR_ROW, LONGER_ROW = 72, 12  # pixels to which the rows of sectors are filled up, and further where there are more
 PART = 4  # every so-many-th pixel is enough for the first steps, if there are LEAST_PIXELS
 LEAST_PIXELS, LEAST_RING = 600, 30
 MAX_STEPS, ROUGH_STEPS = 12, 6
@@ -43,7 +46,7 @@ ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px, a step after which none is needed: on 
 MAX_RINGS = 2
 REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, that calls for a refit by sectors
 NEAR, NEAR_CHI2 = 0.7, 5.0  # a refit starts from the simple fit if that is so near (px) and so good
-SECTOR_LENGTH = 5.0  # px along the edge
+SECTOR_LENGTH = 5.0  # px along the edge, about
 SECTOR_SIGMAS, OWN_EXCESS = 4.0, 14.0  # when a sector gets levels of its own, see `_refit`
 OWN_WEIGHT = 0.3  # of such a sector
 OWN_VISIBLE = 0.6  # what it counts as visible edge
@@ -245,7 +248,10 @@ class _Fit:
 
 
 def _groups(indices, radii):
-    """Arrays of indices of discs that are fitted together: of about one size, and some thousand pixels in all."""
+    """Arrays of indices of discs that are fitted together: of about one size, and some thousand pixels in all.
+
+    That saves time only: no disc's result depends on the others in its group.
+    """
     indices = indices[np.argsort(radii[indices], kind="stable")]
     groups, first = [], 0
     for i in range(1, len(indices) + 1):
@@ -278,11 +284,7 @@ def _start(image, circles, sign):
     rho = low[:, None] + (circles.r + reach - low)[:, None] * np.linspace(0, 1, RAY_POINTS)
     x = (circles.x[:, None, None] + _RAYS[:, 1, None] * rho[:, None]).reshape(-1, RAY_POINTS)
     y = (circles.y[:, None, None] + _RAYS[:, 2, None] * rho[:, None]).reshape(-1, RAY_POINTS)
-    places = [np.array_split(a.astype(np.float32), len(a) // REMAP_ROWS + 1) for a in (x, y)]
-    rays = np.concatenate(
-        [cv2.remap(image, *part, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for part in zip(*places, strict=True)]
-    )
-    steps = cv2.sepFilter2D(rays, cv2.CV_32F, _STEP, np.ones(1, np.float32), borderType=cv2.BORDER_REPLICATE)
+    steps = cv2.sepFilter2D(_interpolated(image, x, y), cv2.CV_32F, _STEP, np.ones(1, np.float32), borderType=cv2.BORDER_REPLICATE)
     steps = steps.reshape(n, len(_RAYS), RAY_POINTS)
     profile = steps.mean(axis=1)
     steps *= sign or np.sign(np.take_along_axis(profile, np.abs(profile).argmax(axis=1)[:, None], axis=1))[:, None]
@@ -293,6 +295,26 @@ def _start(image, circles, sign):
     safe = np.where(good, r, circles.r)
     shape = [np.where(good, step, 0) for step in (dx, dy, p / safe, q / safe)]
     return _Ellipse(circles.x, circles.y, safe, circles.m, circles.angle).moved(*shape[:2], 0, *shape[2:]), good
+
+
+def _interpolated(image, x, y):
+    """Grey values (m, k) at the places x, y (m, k), px; `cv2.remap` in parts that it takes.
+
+    Of a picture that is too large only the part around each disc is looked at, and of a disc that is too large every
+    so-many-th pixel.
+    """
+    rows, values = N_RAYS if max(image.shape) > REMAP_LIMIT else REMAP_LIMIT, []
+    for first in range(0, len(x), rows):
+        part_x, part_y, part = x[first : first + rows], y[first : first + rows], image
+        if max(image.shape) > REMAP_LIMIT:
+            left, right = np.clip([part_x.min(), part_x.max() + 2], 0, image.shape[1]).astype(int)
+            top, bottom = np.clip([part_y.min(), part_y.max() + 2], 0, image.shape[0]).astype(int)
+            step = max(right - left, bottom - top) // REMAP_LIMIT + 1
+            part = np.ascontiguousarray(image[top:bottom:step, left:right:step])
+            part_x, part_y = (part_x - left) / step, (part_y - top) / step
+        places = part_x.astype(np.float32), part_y.astype(np.float32)
+        values.append(cv2.remap(part, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    return np.concatenate(values)
 
 
 _STEP = np.array([1, 1, 1, 0, -1, -1, -1], np.float32)  # inside minus outside
@@ -308,7 +330,7 @@ def _robust_solve(design, values, weights):
         scale = np.maximum(2 * _median(np.abs(residuals)), 0.25)
         w = (weights / (1 + (residuals / scale) ** 2))[:, None] * design.T
         solution = np.linalg.solve(w @ design, w @ values[:, :, None])[:, :, 0]
-        residuals = values - solution @ design.T
+        residuals = values - (design @ solution[:, :, None])[:, :, 0]
     return solution
 
 
@@ -349,8 +371,8 @@ def _settle(image, ellipses):
     todo = np.flatnonzero(reasons == "")
     for _ in range(MAX_RINGS if len(todo) else 0):
         ring = _ring_pixels(image, ellipse[todo])
-        if ring.used.shape[1] < LEAST_RING or (ring.used.sum(axis=1) < LEAST_RING).any():
-            few = ring.used.sum(axis=1) < LEAST_RING
+        few = ring.used.sum(axis=1) < LEAST_RING
+        if few.any():
             reasons[todo[few]], todo = "no edge", todo[~few]
             if len(todo) == 0:
                 return solution, reasons
@@ -375,31 +397,40 @@ def _distance(first, second):
 
 @dataclass
 class _Pixels:
-    """The pixels of n rings in rows, filled up where `used` is 0; x, y from `origin` (n, 2), float32."""
+    """The pixels of n rings in rows, filled up to a multiple of `chunk` where `used` is 0, float32.
+
+    Places x, y are told from `origin` (n, 2), grey values from `level` (n,), both whole numbers.
+    """
 
     origin: np.ndarray
     x: np.ndarray
     y: np.ndarray
     values: np.ndarray
     used: np.ndarray
+    level: np.ndarray = 0.0
+    chunk: int = CHUNK
 
-    def every(self, step):
-        """A part of the pixels."""
-        return _Pixels(self.origin, *(a[:, ::step].copy() for a in (self.x, self.y, self.values, self.used)))
+    def every(self, step, rows):
+        """A part of the pixels of some rows."""
+        parts = (a[rows, ::step].copy() for a in (self.x, self.y, self.values, self.used))
+        return _Pixels(self.origin[rows], *parts, self.level[rows], self.chunk // step)
 
 
 def _ring_pixels(image, ellipses):
     """The pixels within about RING px of the ellipses."""
     rings = [_ring_indices(ellipses[i], image.shape) for i in range(len(ellipses.r))]
-    origin = np.rint(np.stack([ellipses.x, ellipses.y], axis=1))
-    x, y, values, used = np.zeros((4, len(rings), max(len(ring[0]) for ring in rings)), np.float32)
+    origin, level = np.rint(np.stack([ellipses.x, ellipses.y], axis=1)), np.zeros(len(rings))
+    longest = max(max(len(ring[0]) for ring in rings), 1)
+    x, y, values, used = np.zeros((4, len(rings), -(-longest // CHUNK) * CHUNK), np.float32)
     for i, (columns, rows) in enumerate(rings):
         m = len(columns)
-        x[i, :m], y[i, :m], x[i, m:] = columns, rows, origin[i, 0] + ellipses.r[i]
-        values[i, :m], used[i, :m] = image.ravel().take(rows * image.shape[1] + columns), 1
+        x[i, :m], y[i, :m], x[i, m:], used[i, :m] = columns, rows, origin[i, 0] + ellipses.r[i], 1
+        grey = image.ravel().take(rows * image.shape[1] + columns)
+        level[i] = np.rint(grey.mean()) if m else 0
+        values[i, :m] = grey - np.float32(level[i])
     x -= origin[:, :1].astype(np.float32)
     y -= origin[:, 1:].astype(np.float32)
-    return _Pixels(origin, x, y, values, used)
+    return _Pixels(origin, x, y, values, used, level)
 
 
 def _ring_indices(ellipse, shape):
@@ -491,11 +522,15 @@ def _least_squares(pixels, ellipse, log_s):
 
     Returns a `_Solution` and where the equations are singular.
     """
-    if pixels.x.shape[1] > LEAST_PIXELS:
-        part, *_ = _gauss_newton(pixels.every(PART), ellipse, log_s, ROUGH_STEP, ROUGH_STEPS)
-        ellipse, log_s = part.ellipse, part.log_s
+    many = pixels.used.sum(axis=1) > LEAST_PIXELS
+    if many.any():
+        part, *_ = _gauss_newton(pixels.every(PART, many), ellipse[many], log_s[many], ROUGH_STEP, ROUGH_STEPS)
+        ellipse, log_s = ellipse[np.arange(len(many))], log_s.copy()
+        ellipse[many], log_s[many] = part.ellipse, part.log_s
     solution, singular, residuals = _gauss_newton(pixels, ellipse, log_s, SMALL_STEP)
-    solution.noise[:] = _residual_noise(residuals, solution.count)
+    solution.levels[:, 0] += pixels.level
+    for i, m in enumerate(solution.count.astype(int)):
+        solution.squares[i], solution.noise[i] = _sum_of_squares(residuals[i, :m]), _residual_noise(residuals[i, :m])
     return solution, singular
 
 
@@ -513,7 +548,8 @@ def _gauss_newton(pixels, ellipse, log_s, small, most=MAX_STEPS):
         trial = ellipse.moved(*(fraction[:, None] * step[:, :5]).T)
         trial_s = np.clip(log_s + fraction * step[:, 5], -1.5, 2.0)
         rows = _ingredients(pixels, trial, trial_s)
-        found, combination, scale, new_step, new_gain, bad = _solve_rows(rows, trial, trial_s, count)
+        parts = rows.reshape(n, 9, -1, pixels.chunk).swapaxes(1, 2)
+        found, combination, scale, new_step, new_gain, bad = _solve_rows(parts, trial, trial_s, count)
         if best is None:
             best, better = found, np.ones(n, bool)
         else:
@@ -528,7 +564,8 @@ def _gauss_newton(pixels, ellipse, log_s, small, most=MAX_STEPS):
         if last.any():
             best.update(last, _after_last_step(_rows(best, last), new_step[last], gain[last]))
         combination[last, :8] -= new_step[last] * scale[last]
-        residuals[better] = (combination[better, None].astype(np.float32) @ rows[better])[:, 0]
+        rest = combination[better, None, None].astype(np.float32) @ parts[better]
+        residuals[better] = rest.reshape(-1, residuals.shape[1])
         done |= last | singular
         if done.all():
             break
@@ -563,11 +600,11 @@ def _after_last_step(solution, step, gain):
     )
 
 
-def _solve_rows(rows, ellipse, log_s, count):
-    """From `_ingredients`: the solution; the residual as a linear combination (n, 9) of the rows; the next
-    step (n, 8), how much it gains, and where it is undefined.
+def _solve_rows(parts, ellipse, log_s, count):
+    """From `_ingredients` in chunks (n, c, 9, chunk): the solution; the residual as a linear combination (n, 9) of
+    the ingredients; the next step (n, 8), how much it gains, and where it is undefined.
     """
-    moments = (rows @ rows.transpose(0, 2, 1)).astype(float)
+    moments = (parts @ parts.swapaxes(2, 3)).sum(axis=1, dtype=float)
     ones, mean, phi = moments[:, 6, 6], moments[:, 6, 7], moments[:, 7, 7]
     contrast = moments[:, 7, 8] - mean * moments[:, 6, 8] / ones
     contrast /= np.maximum(phi - mean**2 / ones, 1e-12)
@@ -598,10 +635,10 @@ def _use_ground(image, solution, rows):
     sides, noise = np.array([_ground(image, solution.ellipse[i]) for i in rows]), solution.noise[rows, None]
     n, mean, variance, slopes = sides[..., 0], sides[..., 1], sides[..., 2], sides[..., 3:]
     known = np.linalg.inv(solution.normal[rows])[:, 6:, 6:]
-    excess = mean - solution.levels[rows] @ _BY_LEVELS
+    excess = mean - (solution.levels[rows, None] @ _BY_LEVELS)[:, 0]
     there = n >= LEAST_RING
     n = np.where(there, n, 1)
-    bound = noise * np.sqrt(1 / n + np.einsum("is,nij,js->ns", _BY_LEVELS, known, _BY_LEVELS))
+    bound = noise * np.sqrt(1 / n + np.diagonal(_BY_LEVELS.T @ known @ _BY_LEVELS, axis1=1, axis2=2))
     even = (np.abs(excess) <= GROUND_SIGMAS * bound) & (np.abs(slopes) <= GROUND_SIGMAS * noise[..., None]).all(axis=2)
     of_differences = 3 / np.maximum(solution.count[rows, None], 1)  # relative variance of `_residual_noise` squared
     even &= np.abs(variance / noise**2 - 1) <= GROUND_SIGMAS * np.sqrt(2 / n + of_differences)
@@ -611,7 +648,7 @@ def _use_ground(image, solution, rows):
         return uneven
     n, excess, variance = (array[usable] for array in (n * there, excess, variance))
     gradient = np.zeros((len(rows), 8))
-    gradient[:, 6:] = (n * excess) @ _BY_LEVELS.T
+    gradient[:, 6:] = (_BY_LEVELS @ (n * excess)[:, :, None])[:, :, 0]
     solution.normal[rows, 6:, 6:] += np.einsum("ns,is,js->nij", n, _BY_LEVELS, _BY_LEVELS)
     solution.squares[rows] += (n * (variance + excess**2)).sum(axis=1)
     solution.count[rows] += n.sum(axis=1)
@@ -651,19 +688,21 @@ def _side(part, side, offsets):
     return n, mean, deviation**2, *slopes
 
 
-def _residual_noise(residuals, count):
-    """Standard deviation (n,) of the noise, from the differences of neighbouring residuals.
+def _sum_of_squares(residuals):
+    return float(np.square(residuals, dtype=float).sum())
+
+
+def _residual_noise(residuals):
+    """Standard deviation of the noise, from the differences of neighbouring residuals (m,) of one disc.
 
     Differences larger than 3.5 standard deviations (first by their median) are left out: edges that the model
     does not describe.
     """
-    noise = np.empty(len(count))
-    for i, m in enumerate(count.astype(int)):
-        difference = np.abs(np.diff(residuals[i, :m]))
-        limit = 3.5 * max(1.4826 * float(np.partition(difference, m // 2)[m // 2]), 0.7)
-        difference = difference[difference < limit]
-        noise[i] = np.sqrt(max(float(difference @ difference) / max(2 * len(difference), 1), QUANTISATION))
-    return noise
+    difference = np.abs(np.diff(residuals))
+    middle = len(residuals) // 2
+    limit = 3.5 * max(1.4826 * float(np.partition(difference, middle)[middle]), 0.7)
+    difference = difference[difference < limit]
+    return np.sqrt(max(_sum_of_squares(difference) / max(2 * len(difference), 1), QUANTISATION))
 
 
 def _limited(step, ellipse):
@@ -687,11 +726,12 @@ def _fit_group(image, circles, starts, sign, max_chi2, max_misfit):
     if len(again):
         near = solution.converged[again].astype(bool) & (variance[again] < NEAR_CHI2 * noise[again] ** 2)
         near &= _distance(ellipse[again], starts[again]) < NEAR
-        refit = _refit(image, _choose(near, ellipse[again], starts[again]), contrast[again], noise[again])
-        reasons[again] = refit.reasons
-        done = refit.reasons == ""
-        ellipse[again[done]], covariance[again[done]] = refit.ellipse[done], refit.covariance[done]
-        variance[again[done]], s[again[done]] = refit.variance[done], np.exp(refit.log_s[done])
+        for part, sectors in _sectors(image, _choose(near, ellipse[again], starts[again])):
+            rows = again[part]
+            refit = _refit(image.shape, sectors, contrast[rows], noise[rows])
+            reasons[rows], done = refit.reasons, refit.reasons == ""
+            ellipse[rows[done]], covariance[rows[done]] = refit.ellipse[done], refit.covariance[done]
+            variance[rows[done]], s[rows[done]] = refit.variance[done], np.exp(refit.log_s[done])
     vanished = fitted & ~(ellipse.r > 1)
     reasons[vanished], fitted = "does not converge", fitted & ~vanished
     misfit = np.sqrt(np.maximum(variance - noise**2, 0))
@@ -720,26 +760,49 @@ def _choose(where, first, second):
 # -------------------------------------------------------------------------------------------------- sectors
 
 
+@dataclass
+class _Sectors:
+    """The pixels of n rings in k angular sectors each, a row for a sector, and the ellipses they lie around."""
+
+    ellipse: _Ellipse
+    pixels: _Pixels
+    k: int
+
+
 def _sectors(image, ellipses):
-    """The rings' pixels with a row for each angular sector of about SECTOR_LENGTH px, and the sectors' number."""
-    number = int(np.clip(round(2 * np.pi * ellipses.r.mean() / SECTOR_LENGTH), 24, 96))
-    rings = [_ring_indices(ellipses[i], image.shape) for i in range(len(ellipses.r))]
-    sizes = [len(columns) for columns, _ in rings]
-    disc = np.repeat(np.arange(len(rings)), sizes)
-    columns, rows = (np.concatenate(parts) for parts in zip(*rings, strict=True))
-    x, y = columns - ellipses.x[disc], rows - ellipses.y[disc]
-    sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * number).astype(int), number - 1) + number * disc
-    order = np.argsort(sector.astype(np.int16 if number * len(rings) < 2**15 else int), kind="stable")
-    counts = np.bincount(sector, minlength=number * len(rings))
-    place = sector[order] * counts.max() + np.arange(len(x)) - np.repeat(np.cumsum(counts) - counts, counts)
-    values = image.ravel().take(rows * image.shape[1] + columns).astype(np.float32)
-    values -= (np.bincount(disc, values) / sizes).astype(np.float32)[disc]
-    filled = np.zeros((4, len(counts) * counts.max()), np.float32)
-    filled[0] = ellipses.r.max()
-    for row, data in zip(filled, (x, y, values, np.ones(len(x))), strict=True):
-        row[place] = data[order]
-    filled = filled.reshape(4, len(counts), -1)
-    return _Pixels(np.repeat(np.stack([ellipses.x, ellipses.y], axis=1), number, axis=0), *filled), number
+    """Indices of the ellipses, and the `_Sectors` of their rings, of those that can be fitted together.
+
+    The number of sectors and the length of their rows follow from the disc itself, and those of one number and
+    length are fitted together: so no result depends on other discs.
+    """
+    rings = [_ring_by_sectors(image, ellipses[i]) for i in range(len(ellipses.r))]
+    kinds = {}
+    for i, (counts, _) in enumerate(rings):
+        length = max(-(-int(counts.max()) // LONGER_ROW) * LONGER_ROW, SECTOR_ROW)
+        kinds.setdefault((len(counts), length), []).append(i)
+    for (k, length), part in kinds.items():
+        filled = np.zeros((4, len(part) * k, length), np.float32)
+        filled[0] = np.repeat(ellipses.r[part], k)[:, None]
+        used = np.arange(length) < np.concatenate([rings[i][0] for i in part])[:, None]
+        filled[:3, used] = np.concatenate([rings[i][1] for i in part], axis=1)
+        filled[3] = used
+        origin = np.repeat(np.stack([ellipses.x[part], ellipses.y[part]], axis=1), k, axis=0)
+        yield np.array(part), _Sectors(ellipses[part], _Pixels(origin, *filled), k)
+
+
+def _ring_by_sectors(image, ellipse):
+    """The number of pixels (k,) in each angular sector of a ring; x, y, value (3, m) of the pixels, sector by sector.
+
+    Places are told from the ellipse's centre, values from their mean.  A sector is about SECTOR_LENGTH px long.
+    """
+    number = int(N_SECTORS[np.abs(np.log(N_SECTORS * SECTOR_LENGTH / (2 * np.pi * ellipse.r))).argmin()])
+    columns, rows = _ring_indices(ellipse, image.shape)
+    x, y = columns - ellipse.x, rows - ellipse.y
+    sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * number).astype(np.int16), number - 1)
+    values = image.ravel().take(rows * image.shape[1] + columns).astype(float)
+    order = np.argsort(sector, kind="stable")
+    pixels = np.stack([x, y, values - values.mean()])[:, order]
+    return np.bincount(sector, minlength=number), pixels.astype(np.float32)
 
 
 @dataclass
@@ -753,7 +816,7 @@ class _Refit:
     reasons: np.ndarray
 
 
-def _refit(image, start, contrast, noise):
+def _refit(shape, sectors, contrast, noise):
     """Fit again, with levels and slopes of their own, inside and outside, in those sectors that need them.
 
     Side walls, highlights and clutter change the levels around a disc.  The common levels may change with the
@@ -765,8 +828,8 @@ def _refit(image, start, contrast, noise):
     high even so, and none if it has less than a quarter of the contrast.  In the first ALONE steps all sectors
     have levels of their own.
     """
-    sectors, k = _sectors(image, start)
-    n, count = len(noise), sectors.used.sum(axis=1, dtype=float).reshape(-1, k)
+    start, pixels, k = sectors.ellipse, sectors.pixels, sectors.k
+    n, count = len(noise), pixels.used.sum(axis=1, dtype=float).reshape(-1, k)
     limit = 1 + SECTOR_SIGMAS * np.sqrt(2 / np.maximum(count - 4, 1))
     result = _Refit(start[np.arange(n)], np.full(n, np.log(1.2)), np.zeros((n, 5, 5)), np.zeros(n), None)
     result.reasons = np.full(n, "", object)
@@ -774,7 +837,7 @@ def _refit(image, start, contrast, noise):
     around, held = _directions(k), (noise / (UNEVEN * np.maximum(np.abs(contrast), 1e-3)))[:, None] ** 2 * _HELD
     levels, own, active = np.zeros((n, 6)), np.ones((n, k), bool), np.ones(n, bool)
     for number in range(MAX_STEPS):
-        moments = _sector_moments(sectors, result.ellipse, result.log_s, k)
+        moments = _sector_moments(pixels, result.ellipse, result.log_s, k)
         free = _own_levels(moments, count, noise)
         if number <= ALONE:
             levels[:, 0], levels[:, 3] = np.median(free.level, axis=1), np.median(free.contrast, axis=1)
@@ -805,7 +868,7 @@ def _refit(image, start, contrast, noise):
         if not active.any():
             break
     result.reasons[active] = "does not converge"
-    result.reasons[(result.reasons == "") & ~_inside(result.ellipse, image.shape)] = "leaves the image"
+    result.reasons[(result.reasons == "") & ~_inside(result.ellipse, shape)] = "leaves the image"
     return result
 
 
@@ -886,10 +949,10 @@ def _common_normal(moments, levels, around, weights):
     return change @ sums @ change.swapaxes(1, 2)
 
 
-def _sector_moments(sectors, ellipse, log_s, k):
+def _sector_moments(pixels, ellipse, log_s, k):
     """Sums of products (n, k, 11, 11) of the rows of `_ingredients`, the distance and the distance times Phi."""
     many = _Ellipse(*(np.repeat(getattr(ellipse, name), k) for name in ("x", "y", "r", "m", "angle")))
-    rows = _ingredients(sectors, many, np.repeat(log_s, k), extra=2)
+    rows = _ingredients(pixels, many, np.repeat(log_s, k), extra=2)
     return (rows @ rows.transpose(0, 2, 1)).astype(float).reshape(-1, k, 11, 11)
 
 
@@ -908,7 +971,7 @@ _OWN, _REST = np.array([6, 7, 9, 10]), np.array([0, 1, 2, 3, 4, 5, 8])
 
 def _same_chi2(moments, levels, around, count, noise):
     """Chi2 (n, k) of sectors with their disc's common levels."""
-    level, contrast = levels[:, :3] @ around, levels[:, 3:] @ around
+    level, contrast = ((part[:, None] @ around)[:, 0] for part in (levels[:, :3], levels[:, 3:]))
     combination = np.stack([-level, -contrast, np.ones_like(level)], axis=2)
     squares = ((moments[:, :, 6:9, 6:9] @ combination[..., None])[..., 0] * combination).sum(axis=2)
     return np.maximum(squares / np.maximum(count, 1), QUANTISATION) / noise[:, None] ** 2

@@ -17,7 +17,7 @@ from .checks import as_number
 LATTICES = {34: 21, 144: 89}
 """Rays in a quarter of a pixel at an edge, and the stride of their Fibonacci lattice, even along every direction."""
 
-_CHUNK = 400_000  # rays at a time: keeps temporary arrays in the cache
+_CHUNK = 50_000  # rays at a time: keeps temporary arrays in the cache
 
 
 @dataclass(frozen=True)
@@ -265,15 +265,17 @@ def _raise_pegs(top, base, hub, look, grey, part):
     reach = hub.peg_radius + float(longest)
     for index, center in enumerate(hub.peg_centers):
         near = np.flatnonzero((np.abs(top[0] - float(center[0])) < reach) & (np.abs(top[1] - float(center[1])) < reach))
-        start, leg = _offset(top[:, near], center), base[:, near] - top[:, near]
-        along = np.clip(-_dot(start, leg) / np.maximum(_dot(leg, leg), np.float32(1e-30)), 0, 1)
-        nearest = start + along * leg
+        start = _offset(top[:, near], center)
         on_top = _dot(start, start) < hub.peg_radius**2
-        on_wall = (_dot(nearest, nearest) < hub.peg_radius**2) & ~on_top
-        grey[near[on_wall]] = _wall_level(start[:, on_wall], leg[:, on_wall], hub, look)
-        part[near[on_wall]] = _WALL
         grey[near[on_top]] = look.peg
         part[near[on_top]] = _TOP + index
+        near, start = near[~on_top], start[:, ~on_top]
+        leg = base[:, near] - top[:, near]
+        along = np.clip(-_dot(start, leg) / np.maximum(_dot(leg, leg), np.float32(1e-30)), 0, 1)
+        nearest = start + along * leg
+        on_wall = _dot(nearest, nearest) < hub.peg_radius**2
+        grey[near[on_wall]] = _wall_level(start[:, on_wall], leg[:, on_wall], hub, look)
+        part[near[on_wall]] = _WALL
 
 
 def _wall_level(start, leg, hub, look):

@@ -22,7 +22,9 @@ from .checks import CalibrationError
 from .corners import find_corners
 from .joint import calibrate_dlt, calibrate_joint
 from .results import replacing
-from .two_stage import BOX, TwoStageObjective, calibrate_genetic, calibrate_tsai, optimum_in_box
+from .two_stage import (
+    BOX, TwoStageObjective, calibrate_genetic, calibrate_tsai, optimum_in_box, repeat_calibration,
+)
 from .validation import held_out_distances, leave_one_out
 from .zhang import calibrate_zhang
 
@@ -102,11 +104,8 @@ def success_rates(sets=None, *, variants=tuple(VARIANTS), seeds=SEEDS, workers=2
 def _success(name, object_points, image_points, camera, variant, seeds):
     """A row of `success_rates`."""
     optimum = optimum_in_box(object_points, image_points, camera).mean_distance
-    found = [
-        calibrate_genetic(object_points, image_points, camera, rng=seed, **VARIANTS[variant]).mean_distance
-        for seed in range(seeds)
-    ]
-    excess = np.maximum(np.array(found) - optimum, 0)
+    runs = repeat_calibration(object_points, image_points, camera, range(seeds), **VARIANTS[variant])
+    excess = np.maximum(np.array([run.mean_distance for run in runs]) - optimum, 0)
     return name, variant, optimum, seeds, int(np.sum(excess <= REACHED)), float(np.median(excess)), float(excess.max())
 
 

@@ -115,7 +115,7 @@ def test_report_is_written_whole_and_read_back(tmp_path):
 
 def test_committed_readme_shows_the_committed_results():
     checkout = commands.CHECKOUT
-    assert bench.readme_is_current(checkout / "README.md", checkout / "data" / "results")
+    assert bench.readme_is_current(checkout / "data" / "results" / "README.md", checkout / "data" / "results")
 
 
 def test_report_as_text_counts_the_aims():
@@ -152,7 +152,8 @@ def test_full_run_is_written_into_place(command, tmp_path):
 
 
 def test_a_readme_without_a_place_is_refused_before_the_run(command, tmp_path):
-    (tmp_path / "README.md").write_text("nothing")
+    (tmp_path / "data" / "results").mkdir(parents=True)
+    (tmp_path / "data" / "results" / "README.md").write_text("nothing")
     with pytest.raises(ValueError, match="bench:begin"):
         command("--output", str(tmp_path))
 

@@ -327,4 +327,4 @@ def test_committed_claims_are_current(tmp_path):
     claims.write_claims(tmp_path)
     for name in ("claims.csv", "claims.tex"):
         assert (COMMITTED / name).read_bytes() == (tmp_path / name).read_bytes()
-    assert claims.readme_is_current(PROJECT / "README.md", table)
+    assert claims.readme_is_current(PROJECT / "data" / "results" / "README.md", table)

@@ -18,7 +18,7 @@ from nbformat.v4 import new_code_cell, new_notebook, new_output
 from packaging.requirements import Requirement
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab import environment, plotting, running
+from pegpose_lab import environment, front_page, plotting, running
 
 CHECKOUT = commands.CHECKOUT
 
@@ -358,8 +358,11 @@ def test_failing_notebook_is_named_and_leaves_everything_as_it_was(checkout, old
     assert _contents(checkout) == before
 
 
-def test_claims_follow_the_run(checkout, tmp_path_factory, capsys):
-    readme = checkout / "README.md"
+def test_claims_follow_the_run(checkout, tmp_path_factory, capsys, monkeypatch):
+    first_pages = []
+    monkeypatch.setattr(front_page, "write", lambda readme, folder: first_pages.append((readme, folder)))
+    readme = checkout / "data" / "results" / "README.md"
+    readme.parent.mkdir(parents=True)
     readme.write_text("before <!-- claims:begin --><!-- claims:end --> after")
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     assert commands._report(commands._parse(["reproduce", "--output", str(elsewhere)])) == 0
@@ -370,6 +373,7 @@ def test_claims_follow_the_run(checkout, tmp_path_factory, capsys):
     assert capsys.readouterr().out == table
     assert "Table 2" in table
     assert readme.read_text().startswith("before <!-- claims:begin -->") and "Table 2" in readme.read_text()
+    assert first_pages == [(checkout / "README.md", readme.parent)]
 
 
 def test_kernel_that_dies_is_reported(tmp_path):

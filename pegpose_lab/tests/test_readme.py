@@ -1,16 +1,21 @@
 """The README: its example runs as it stands, and what it names is there."""
 
 import re
+import shutil
 import subprocess
 import sys
 
 import cv2
+import pandas as pd
 import pytest
 
+from pegpose_lab import front_page
 from pegpose_lab.experiment import paper_experiment
 from pegpose_lab.results import PROJECT_FOLDER
 
 README = (PROJECT_FOLDER / "README.md").read_text(encoding="utf-8")
+MAP = (PROJECT_FOLDER / "data" / "paper" / "README.md").read_text(encoding="utf-8")
+MOST_LINES = 120
 
 
 def test_the_example_runs_as_it_stands(tmp_path):
@@ -34,6 +39,33 @@ def test_every_module_and_test_is_named():
     package = PROJECT_FOLDER / "pegpose_lab"
     modules = {path.stem for path in package.glob("*.py")} - {"__init__"}
     tests = {path.stem for path in (package / "tests").glob("test_*.py")}
-    named = set(re.findall(r"`(\w+)`", README))
+    named = set(re.findall(r"`(\w+)`", MAP))
     assert modules | tests <= named, f"not named: {sorted((modules | tests) - named)}"
     assert {name for name in named if name.startswith("test_")} <= tests
+
+
+def test_the_first_page_is_short_and_shows_the_committed_results():
+    assert len(README.splitlines()) <= MOST_LINES
+    assert front_page.is_current(PROJECT_FOLDER / "README.md", PROJECT_FOLDER / "data" / "results")
+
+
+def test_a_changed_result_outdates_the_first_page(tmp_path):
+    results, readme = tmp_path / "results", tmp_path / "README.md"
+    shutil.copytree(PROJECT_FOLDER / "data" / "results", results)
+    shutil.copyfile(PROJECT_FOLDER / "README.md", readme)
+    table = pd.read_csv(results / "06_chain_errors.csv")
+    table["peg centres (mm)"] *= 2
+    table.to_csv(results / "06_chain_errors.csv", index=False)
+    assert not front_page.is_current(readme, results)
+    front_page.write(readme, results)
+    assert front_page.is_current(readme, results)
+    readme.write_text("no blocks")
+    with pytest.raises(ValueError, match="findings:begin"):
+        front_page.write(readme, results)
+
+
+def test_links_lead_somewhere():
+    for page in ("README.md", "data/README.md", "data/paper/README.md", "data/results/README.md"):
+        path = PROJECT_FOLDER / page
+        targets = re.findall(r"\]\((?!http)([^)#]+)\)", path.read_text(encoding="utf-8"))
+        assert [target for target in targets if not (path.parent / target).exists()] == []

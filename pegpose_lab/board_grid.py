@@ -1,0 +1,103 @@
+"""Where the corners of a checkerboard are, to a pixel of a reduced image, in bounded time.
+
+OpenCV's detectors find the grid.  Their time grows with the image, and for one of them without bound where there is
+no board; they need no more than six pixels a square.  So they see the image at two fixed sizes, and at last, where
+that is larger still, the part of it that holds most saddle points, for a small board in a large image.
+"""
+
+import cv2
+import numpy as np
+
+COARSE, MEDIUM, FINE = 0.25e6, 0.6e6, 4e6  # px, the sizes of image that are searched
+LARGEST_ENLARGEMENT = 2.0
+SMALLEST_IMAGE = 14  # px along a side
+_SEVEN = np.ones((7, 7), np.uint8)
+
+
+def candidate_grids(image, columns, rows):
+    """Yield grids that may be a board of columns x rows inner corners, from the cheapest search on.
+
+    Parameters
+    ----------
+    image : (height, width) uint8
+    columns, rows : int
+
+    Yields
+    ------
+    corners : (rows, columns, 2) ndarray
+        px of `view`, to a pixel or so, in any of the orders that fit the board; all within the view.
+    view : (h, w) uint8
+        The image that was searched: reduced, enlarged, or cut out.
+    scale, offset : float, (2,) ndarray
+        image px = (view px + 0.5) / scale - 0.5 + offset.
+    """
+    if min(image.shape) < SMALLEST_IMAGE:
+        return
+    for view, scale, offset, detectors in _views(image):
+        for detect, flags in detectors:
+            found, corners = detect(view, (columns, rows), flags=flags)
+            if found:
+                grid = np.asarray(corners, np.float64).reshape(rows, columns, 2)
+                if _is_plausible(grid, view.shape):
+                    yield grid, view, scale, offset
+
+
+def seen_grid(image):
+    """The largest grid of corners (rows, columns, 2) that is seen in a reduced image, or None; and that image."""
+    view = _resized(image, COARSE)[0]
+    if min(view.shape) < SMALLEST_IMAGE:
+        return None, view
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_LARGER
+    found, corners, cells = cv2.findChessboardCornersSBWithMeta(view, (3, 3), flags=flags)
+    grid = np.asarray(corners, np.float64).reshape(*cells.shape, 2) if found else None
+    return (grid if found and _is_plausible(grid, view.shape) else None), view
+
+
+def _views(image):
+    """The images to be searched, their scales and offsets, and what searches them."""
+    sectors, normalized = cv2.findChessboardCornersSB, cv2.CALIB_CB_NORMALIZE_IMAGE
+    classic = cv2.findChessboardCorners, cv2.CALIB_CB_ADAPTIVE_THRESH | normalized
+    exhaustive = sectors, cv2.CALIB_CB_EXHAUSTIVE
+    yield *_resized(image, COARSE), np.zeros(2), [(sectors, normalized), classic, exhaustive]
+    yield *_resized(image, MEDIUM), np.zeros(2), [exhaustive]
+    if image.size > MEDIUM:
+        fine, scale = _resized(image, FINE)
+        x, y, width, height = _busiest_part(fine, COARSE)
+        part = np.ascontiguousarray(fine[y : y + height, x : x + width])
+        yield part, scale, np.array([x, y]) / scale, [(sectors, normalized), exhaustive]
+
+
+def _resized(image, size):
+    """The image at about `size` px in all, enlarged at most LARGEST_ENLARGEMENT times, and its scale."""
+    scale = min(np.sqrt(size / image.size), LARGEST_ENLARGEMENT)
+    if image.size <= size <= 1.2 * image.size or (scale > 1 and size == FINE):
+        return image, 1.0
+    width, height = (max(1, round(side * scale)) for side in image.shape[::-1])
+    kind = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
+    return cv2.resize(image, (width, height), interpolation=kind), scale
+
+
+def _busiest_part(image, size):
+    """The part (x, y, width, height) of about `size` px that holds most saddle points of the grey values."""
+    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.2)
+    across = 4 * cv2.Sobel(smooth, -1, 1, 1, ksize=3)  # the kernels of the others weigh four times as much
+    saddle = across**2 - cv2.Sobel(smooth, -1, 2, 0, ksize=3) * cv2.Sobel(smooth, -1, 0, 2, ksize=3)
+    peaks = (saddle == cv2.dilate(saddle, _SEVEN)) & (saddle > 0.1 * saddle.max())
+    share = min(1.0, np.sqrt(size / image.size))
+    height, width = (max(1, round(side * share)) for side in image.shape)
+    sums = np.pad(np.cumsum(np.cumsum(peaks, axis=0, dtype=np.int32), axis=1, dtype=np.int32), ((1, 0), (1, 0)))
+    counts = sums[height:, width:] - sums[height:, :-width] - sums[:-height, width:] + sums[:-height, :-width]
+    y, x = np.argwhere(counts == counts.max()).mean(axis=0).astype(int)  # all places of the most points: their middle
+    return x, y, width, height
+
+
+def _is_plausible(grid, shape):
+    """Whether all corners lie within the image and all cells turn the same way."""
+    inside = (grid >= 0).all() and (grid <= np.array(shape[::-1]) - 1).all()
+    along_row, along_column = np.diff(grid, axis=1), np.diff(grid, axis=0)
+    turns = [
+        along_row[r, :, 0] * along_column[:, c, 1] - along_row[r, :, 1] * along_column[:, c, 0]
+        for r in (slice(None, -1), slice(1, None))
+        for c in (slice(None, -1), slice(1, None))
+    ]
+    return bool(inside and (np.all(np.array(turns) > 0) or np.all(np.array(turns) < 0)))
