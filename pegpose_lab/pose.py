@@ -12,7 +12,6 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .camera import left_jacobian
 from .checks import CalibrationError, as_number, as_points, as_pose
 
 _RIM_POINTS = 32  # sums over a smooth closed curve converge exponentially: this many reach rounding errors
@@ -277,6 +276,19 @@ def _polish(pose, discs, camera):
     return pose
 
 
+def _left_jacobian(rotation_vector):
+    """J with exp(v + dv) = exp(J dv) exp(v) for rotation vectors v."""
+    angle = np.linalg.norm(rotation_vector)
+    cross = np.cross(np.eye(3), rotation_vector)  # [v]_x, antisymmetric
+    if angle < 1e-4:
+        return np.eye(3) + cross / 2 + cross @ cross / 6
+    return (
+        np.eye(3)
+        + (1 - np.cos(angle)) / angle**2 * cross
+        + (angle - np.sin(angle)) / angle**3 * cross @ cross
+    )
+
+
 def _fit_directions(start, points, normalized):
     """Levenberg-Marquardt on x/z and y/z; steps turn about the origin and shift it by parts of its size."""
     size = np.linalg.norm(points, axis=1).max()
@@ -293,7 +305,7 @@ def _fit_directions(start, points, normalized):
     def jacobian(step):
         moved_by_turn = Rotation.from_rotvec(step[:3]).apply(turned)
         seen = moved_by_turn + start.translation + size * step[3:]
-        by_turn = np.cross(left_jacobian(step[:3]).T, moved_by_turn[:, None])  # (n, 3 parameters, 3 coordinates)
+        by_turn = np.cross(_left_jacobian(step[:3]).T, moved_by_turn[:, None])  # (n, 3 parameters, 3 coordinates)
         by_step = np.concatenate([by_turn, np.broadcast_to(size * np.eye(3), by_turn.shape)], axis=1)
         over_depth = by_step[..., :2] - by_step[..., 2:] * (seen[:, :2] / seen[:, 2:])[:, None]
         return (over_depth / seen[:, 2:, None]).swapaxes(1, 2).reshape(-1, 6)
