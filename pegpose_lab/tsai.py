@@ -21,6 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from .checks import CalibrationError, as_matched_points, undetermined_if_singular
+from .coplanar import solve_ratios
 from .planes import FLAT, is_planar, plane_frame, relief
 
 SMALLEST_SPREAD = 1e-6
@@ -328,12 +329,18 @@ def _propagate(points, sensor_points, ratios):
 def _gradient(points, sensor_points, ratios, scale):
     """Central differences (2, len(ratios)) of f and sin^2(tilt)."""
     steps = np.diag(1e-6 * np.linalg.norm(ratios * scale) / scale)
+    outcomes = _outcomes(points, sensor_points, np.concatenate([ratios + steps, ratios - steps]))
+    above, below = np.split(outcomes, 2)
+    return ((above - below) / (2 * steps.sum(axis=1, keepdims=True))).T
 
-    def outcome(moved):
-        rotation, _, focal_length, _ = _estimate(points, sensor_points, moved)
-        return np.array([focal_length, _squared_sine(rotation)])
 
-    return np.array([(outcome(ratios + step) - outcome(ratios - step)) / (2 * step.sum()) for step in steps]).T
+def _outcomes(points, sensor_points, moved):
+    """f and sin^2(tilt), (k, 2), of several ratios (k, 5 or 7)."""
+    if moved.shape[1] == 5:
+        focal_length, _, _, third = solve_ratios(points, sensor_points, moved)
+        return np.column_stack([focal_length, np.sum(third[:, :2] ** 2, axis=1)])
+    found = (_estimate(points, sensor_points, ratios) for ratios in moved)
+    return np.array([[focal_length, _squared_sine(rotation)] for rotation, _, focal_length, _ in found])
 
 
 def _fronto_parallel(tilt):
