@@ -95,7 +95,8 @@ _HOME = {
     "calibrate_dlt": "joint",
     "profile_focal_length": "joint",
     "weakest_direction": "joint",
-    "board_pose": "joint",
+    "board_pose": "pose_of_board",
+    "board_poses": "pose_of_board",
     "HubPose": "pose",
     "estimate_pose": "pose",
 }

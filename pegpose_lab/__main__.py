@@ -6,14 +6,13 @@ Python, where the packages pinned in ``environment.txt`` are.
 """
 
 import argparse
-import fnmatch
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
-from . import environment
+from . import environment, exploring
 from .environment import CHECKOUT
 
 OLDEST_PYTHON = (3, 11)
@@ -29,6 +28,11 @@ FIXED_VARIABLES = {
     "PYTHONHASHSEED": "0",
     "JUPYTER_PREFER_ENV_PATH": "1",
 }
+ROOT_REFUSED = (
+    "JupyterLab does not start for root, since notebooks may do what root may: run this command as yourself, "
+    "or, where root is meant (in a container), add --allow-root."
+)
+
 # What would put other packages, other kernels or another plotting backend before the pinned ones.
 DROPPED_VARIABLES = ("PYTHONPATH", "PYTHONHOME", "JUPYTER_PATH", "MPLBACKEND")
 
@@ -70,14 +74,7 @@ def _reproduce(options):
 def _choose(patterns):
     """The notebooks whose names begin with one of the patterns, all without any; in order."""
     notebooks = sorted((CHECKOUT / "notebooks").glob("[0-9]*.ipynb"))
-    chosen = set()
-    for pattern in patterns or ["*"]:
-        found = {path for path in notebooks if fnmatch.fnmatch(path.stem, Path(pattern).stem + "*")}
-        if not found:
-            names = ", ".join(path.stem for path in notebooks)
-            raise SystemExit(f"No notebook's name begins with {pattern!r}; there are: {names or 'none'}.")
-        chosen |= found
-    return sorted(chosen)
+    return sorted({path for pattern in patterns or ["*"] for path in exploring.choose(notebooks, pattern)})
 
 
 def _report(options):
@@ -164,9 +161,25 @@ def _bench(options):
 
 
 def _lab(options):
-    """Open JupyterLab on the notebooks; what they write goes into the checkout."""
-    where = [f"--ServerApp.root_dir={CHECKOUT}", "--LabApp.default_url=/lab/tree/notebooks"]
-    return _become([sys.executable, "-m", "jupyterlab", *where, *options.extra])
+    """Open JupyterLab on the notebooks; what they write goes to a scratch folder."""
+    scratch = exploring.scratch_folder(CHECKOUT)
+    os.environ["PEGPOSE_OUTPUT"] = str(scratch)
+    print(
+        f"Figures and tables that you make go to {scratch}, emptied at the next start; the project's own stay as they "
+        "are. A notebook is saved when you save it; lab --reset NAME takes it back.",
+        flush=True,
+    )
+    return _become([sys.executable, "-m", "jupyterlab", *exploring.jupyterlab_arguments(options, CHECKOUT)])
+
+
+def _reset(options):
+    """Set notebooks back to git's last commit, and say which."""
+    restored = exploring.restore(options.reset, CHECKOUT)
+    for path in restored:
+        print(f"{path} is as in git's last commit again; the changes to it are gone.")
+    if not restored:
+        print("Nothing to do: the files are as in git's last commit.")
+    return 0
 
 
 # --- command line -------------------------------------------------------------------------------
@@ -245,7 +258,19 @@ def _parser():
     lab = commands.add_parser(
         "lab",
         help="open JupyterLab on the notebooks",
-        epilog="Arguments after -- go to JupyterLab:  lab -- --no-browser",
+        description="Open JupyterLab on the notebooks. What they write goes to notebooks/scratch, which git ignores; "
+        "nothing is saved by itself.",
+        epilog="Arguments after -- go to JupyterLab:  lab -- --ServerApp.password=''",
+    )
+    lab.add_argument("--no-browser", action="store_true", help="open no browser; the address is printed")
+    lab.add_argument("--port", type=int, metavar="N", help="the port to serve on (default: 8888, or the next that is free)")
+    lab.add_argument("--ip", metavar="ADDRESS", help="the address to serve on (default: localhost; 0.0.0.0 for all)")
+    lab.add_argument("--allow-root", action="store_true", help="start though root runs it, as in a container")
+    lab.add_argument(
+        "--reset",
+        nargs="+",
+        metavar="NAME",
+        help="open nothing: set these notebooks back to git's last commit, without asking; names as for reproduce",
     )
     lab.set_defaults(run=_lab)
     return parser
@@ -288,6 +313,10 @@ def main(arguments=None):
     try:
         if options.run is _setup:
             return _setup(options)
+        if options.run is _lab and options.reset:
+            return _reset(options)
+        if options.run is _lab and exploring.root_refused(options):
+            raise SystemExit(ROOT_REFUSED)
         environment.set_up()
         if not environment.is_active():
             return _become([str(environment.python()), "-m", "pegpose_lab", *arguments])

@@ -1,4 +1,4 @@
-"""Whether a measured grid of corners is the whole board that was asked for."""
+"""Whether a measured grid of corners is the whole board that was asked for, seen at one instant."""
 
 import numpy as np
 
@@ -7,6 +7,7 @@ from .checks import DetectionError
 _DEPTHS = 1.2, 1.35, 1.5, 1.65  # squares beyond the outermost corners: the second square, first half first
 _ACROSS = 0.35, 0.5, 0.65  # of a square
 SMALLEST_CONTRAST = 0.4  # of the contrast inside: what alternates less is no square
+LARGEST_COMBING = 1.2  # 0.2 to 0.4 in photographs, 1 in noise; two fields 2 px apart have 1.3 to 3, 6 px 4 to 18
 _SIDES = "left", "right", "upper", "lower"
 
 
@@ -38,6 +39,32 @@ def check_ends(image, grid):
                 f"the pattern goes on beyond the grid of {columns} x {rows} corners at its {name} side, near "
                 f"({x:.0f}, {y:.0f}) px: the board has more inner corners; check columns and rows"
             )
+
+
+def check_fields(image, grid):
+    """Raise if odd and even lines show the board at different places, as an interlaced image of a moving board does.
+
+    Parameters
+    ----------
+    image : (height, width) uint8
+    grid : (rows, columns, 2) ndarray
+        px, the corners.
+
+    Raises
+    ------
+    DetectionError
+        If lines differ more from their neighbours than from the next but one.  A shift of a pixel or less goes unseen.
+    """
+    (left, top), (right, bottom) = grid.reshape(-1, 2).min(axis=0), grid.reshape(-1, 2).max(axis=0)
+    part = image[max(int(top), 0) : int(bottom) + 2, max(int(left), 0) : int(right) + 2].astype(float)
+    near, far = (
+        np.sum((part[2:-2] - (part[2 - k : -2 - k] + part[2 + k : len(part) - 2 + k]) / 2) ** 2) for k in (1, 2)
+    )
+    if near > LARGEST_COMBING * far:
+        raise DetectionError(
+            "odd and even lines show the board at different places (an interlaced image of a moving board?): hold it "
+            "still, or use every other line only"
+        )
 
 
 def _goes_on(image, lines):

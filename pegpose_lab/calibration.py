@@ -16,15 +16,16 @@ import pandas as pd
 from scipy import stats
 
 from .calibration_files import read_calibration, write_calibration
-from .camera import OpenCVCamera, TsaiCamera
-from .checks import CalibrationError
+from .camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
+from .checks import CalibrationError, outside
 from .tsai import LOOSE_INTERVAL
 
 MINIMUM_POINTS = 5
 """Points of a view: a plane's five ratios (Tsai)."""
 
-SMALLEST_SINGULAR = 1e-10
-"""Smallest singular value of a Jacobian with columns of one length, relative to the largest."""
+SWAPPED = 0.25
+"""Distance of a principal point from the swapped image's centre, as a fraction of that between the two centres, below
+which width and height are taken for swapped."""
 
 LOOSE_CENTER = 0.05
 """Length of a 95 % interval of the principal point, as a fraction of the picture's, above which it is flagged."""
@@ -47,7 +48,8 @@ class Calibration:
         Of the genetic algorithm, a row a generation (see `GeneticResult`) with the best chromosome's
         ``focal_length``, ``T_z`` and ``kappa1``.
     covariance : DataFrame or None
-        Covariance matrix of the parameters; rows and columns bear their names, views count from 0.
+        Covariance matrix of the parameters; rows and columns bear their names, views count from 0.  It holds if the
+        lens is of the model and the noise independent and alike at all points (see `flags`).
         Rotations are ``rx_0, ry_0, rz_0``: radians about the camera's axes, applied after the estimate.
     populations : (generations + 1, n, 2) ndarray or None
         (f, T_z) of every chromosome of every generation of the genetic algorithm, best first; not saved.
@@ -136,22 +138,6 @@ def pose_names(count):
     return [f"{name}_{view}" for view in range(count) for name in ("rx", "ry", "rz", "tx", "ty", "tz")]
 
 
-def covariance_table(jacobian, squared_sum, names):
-    """sigma^2 (J^T J)^-1 with sigma^2 = squared_sum / (rows - columns), as a labelled table."""
-    rows, columns = jacobian.shape
-    if rows <= columns:
-        raise CalibrationError(f"{rows} coordinates cannot determine {columns} parameters; add points or views")
-    scale = np.linalg.norm(jacobian, axis=0)
-    _, singular, right = np.linalg.svd(jacobian / np.where(scale > 0, scale, 1), full_matrices=False)
-    if scale.min() == 0 or singular[-1] < SMALLEST_SINGULAR * singular[0]:
-        raise CalibrationError(
-            f"the views do not determine all of {', '.join(names[: -6 * (len(names) // 6)])}: some can change "
-            "together without moving a point; add views of other tilts (about 30 deg)"
-        )
-    root = right.T / singular / scale[:, None]
-    return pd.DataFrame(squared_sum / (rows - columns) * root @ root.T, names, names)
-
-
 def judge_focal_length(covariance, name, value, unit, freedom):
     """Flags by the 95 % interval of f, by Student's t of `freedom` degrees; CalibrationError if it reaches 0."""
     half = _half_interval(covariance, name, freedom)
@@ -171,6 +157,28 @@ def judge_principal_point(covariance, image_size, freedom):
         return ()
     found = " and ".join(f"{name} to +-{half:.3g} px" for name, half in zip(free, halves, strict=True))
     return (f"The views hardly determine the principal point (95 %: {found}): add tilted views, or keep it fixed.",)
+
+
+def judge_image_size(camera, image_points):
+    """Flags if points lie outside of the image, or the principal point is where the centre of an image with width and
+    height swapped is."""
+    if camera.image_size == UNKNOWN_SIZE:
+        return ()
+    width, height = camera.image_size
+    views = [str(view) for view, points in enumerate(image_points) if outside(points, camera.image_size).any()]
+    if views:
+        return (
+            f"Points of view{'s' * (len(views) > 1)} {', '.join(views)} (counted from 0) lie outside of the image of "
+            f"{width} x {height} px: is image_size (width, height) right?",
+        )
+    center = camera.principal_point if isinstance(camera, TsaiCamera) else camera.camera_matrix[:2, 2]
+    middle, swapped = (np.subtract(size, 1) / 2 for size in (camera.image_size, camera.image_size[::-1]))
+    if np.linalg.norm(center - swapped) >= SWAPPED * np.linalg.norm(swapped - middle):
+        return ()
+    return (
+        f"The principal point ({center[0]:.0f}, {center[1]:.0f}) px is that of an image of {height} x {width} px: "
+        "is image_size (width, height) swapped?",
+    )
 
 
 def _half_interval(covariance, name, freedom):

@@ -10,10 +10,16 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .checks import as_number, as_points, as_pose
+from .checks import as_count, as_number, as_points, as_pose
 
 OPENCV_PLAIN, OPENCV_LIMIT = 1e-3, 0.05
 """px: how far OpenCV's model with 5 and with 8 coefficients may be from a `TsaiCamera` in its picture."""
+
+UNKNOWN_SIZE = (1, 1)
+"""px: the image size of a camera to which none was given."""
+
+LARGEST_SKEW = 1e-9
+"""px: what a matrix that was computed may have in place of 0; it moves no point by more."""
 
 RATIO_ROUNDS = 4
 """Weighted fits of a ratio of polynomials: more change its error by less than a tenth."""
@@ -172,7 +178,7 @@ class TsaiCamera(_Camera):
     focal_length: float
     pixel_pitch: tuple = (1.0, 1.0)
     principal_point: tuple = (0.0, 0.0)
-    image_size: tuple = (1, 1)
+    image_size: tuple = UNKNOWN_SIZE
     kappa1: float = 0.0
     scale_x: float = 1.0
 
@@ -281,7 +287,7 @@ class OpenCVCamera(_Camera):
     Parameters
     ----------
     camera_matrix : (3, 3) array_like
-        px.
+        px; without skew, which OpenCV's model does not have.
     dist_coeffs : (4,), (5,), (8,), (12,) or (14,) array_like
         k1, k2, p1, p2, k3, ...; distorting.
     image_size : (int, int)
@@ -295,12 +301,18 @@ class OpenCVCamera(_Camera):
 
     camera_matrix: np.ndarray
     dist_coeffs: np.ndarray
-    image_size: tuple = (1, 1)
+    image_size: tuple = UNKNOWN_SIZE
 
     def __post_init__(self):
         matrix = as_points(self.camera_matrix, 3, "camera_matrix", 3)
         if matrix.shape != (3, 3) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or np.any(matrix[2] != (0, 0, 1)):
-            raise ValueError("camera_matrix is not of the form [[fx, s, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0")
+            raise ValueError("camera_matrix is not of the form [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0")
+        if max(abs(matrix[0, 1]), abs(matrix[1, 0])) > LARGEST_SKEW:
+            raise ValueError(
+                f"camera_matrix has skew, K[0, 1] = {matrix[0, 1]:g} and K[1, 0] = {matrix[1, 0]:g} px; OpenCV's camera has "
+                "none and its functions ignore it: expected 0 (calibrate the camera without skew)"
+            )
+        matrix[0, 1] = matrix[1, 0] = 0.0
         coefficients = np.array(self.dist_coeffs, dtype=np.float64).ravel()
         if coefficients.size not in (4, 5, 8, 12, 14) or not np.isfinite(coefficients).all():
             raise ValueError(f"dist_coeffs has {coefficients.size} values; expected 4, 5, 8, 12 or 14 finite ones")
@@ -310,7 +322,7 @@ class OpenCVCamera(_Camera):
 
     def from_normalized(self, normalized):
         """Undistorted directions (x/z, y/z) to image px."""
-        return self._distort(normalized)[0]
+        return self.image_and_derivative(normalized)[0]
 
     def to_normalized(self, image_points, *, iterations=50, tolerance=1e-11):
         """Image px to undistorted directions (x/z, y/z), by Newton's method.
@@ -324,7 +336,7 @@ class OpenCVCamera(_Camera):
         normalized = (image_points - self.camera_matrix[:2, 2]) / np.diag(self.camera_matrix)[:2]
         largest = max(self.image_size)
         for _ in range(iterations):
-            projected, jacobian = self._distort(normalized)
+            projected, jacobian = self.image_and_derivative(normalized)
             error = projected - image_points
             if np.abs(error).max() <= tolerance * largest:
                 return normalized
@@ -334,8 +346,8 @@ class OpenCVCamera(_Camera):
         worst = np.linalg.norm(error, axis=1).max()
         raise ValueError(f"image_points: the distortion cannot be inverted there (left after Newton: {worst:.3g} px)")
 
-    def _distort(self, normalized):
-        """Project directions; return (n, 2) px and the (n, 2, 2) derivative with respect to them."""
+    def image_and_derivative(self, normalized):
+        """Undistorted directions (n, 2) to image px (n, 2), and the derivative (n, 2, 2) by them."""
         points = np.column_stack([normalized, np.ones(len(normalized))])
         zero = np.zeros(3)
         image_points, jacobian = cv2.projectPoints(points, zero, zero, self.camera_matrix, self.dist_coeffs)[:2]
@@ -381,26 +393,13 @@ def _as_pair(pair, name, minimum=-np.inf):
 
 
 def _as_size(size):
-    width, height = _as_pair(size, "image_size", 0)
-    if width != int(width) or height != int(height):
-        raise ValueError(f"image_size is {size}; expected whole numbers (width, height)")
-    return int(width), int(height)
+    values = tuple(size) if np.iterable(size) and not isinstance(size, str) else ()
+    if len(values) != 2:
+        raise ValueError(f"image_size is {size!r}; expected two whole numbers, (width, height)")
+    return tuple(as_count(value, f"image_size[{k}]", 1) for k, value in enumerate(values))
 
 
 def demand_tsai(camera):
     """Raise ValueError if the camera is not a `TsaiCamera`."""
     if not isinstance(camera, TsaiCamera):
         raise ValueError(f"camera is {type(camera).__name__}; expected a TsaiCamera")
-
-
-def left_jacobian(rotation_vector):
-    """J with exp(v + dv) = exp(J dv) exp(v) for rotation vectors v."""
-    angle = np.linalg.norm(rotation_vector)
-    cross = np.cross(np.eye(3), rotation_vector)  # [v]_x, antisymmetric
-    if angle < 1e-4:
-        return np.eye(3) + cross / 2 + cross @ cross / 6
-    return (
-        np.eye(3)
-        + (1 - np.cos(angle)) / angle**2 * cross
-        + (angle - np.sin(angle)) / angle**3 * cross @ cross
-    )

@@ -1,5 +1,7 @@
 """What every public function demands of its input, and the package's errors."""
 
+from contextlib import contextmanager
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
@@ -12,6 +14,18 @@ class CalibrationError(RuntimeError):
     """The data do not determine the camera; the message says why and what to measure instead."""
 
 
+@contextmanager
+def undetermined_if_singular():
+    """As a decorator: numpy's LinAlgError of a matrix that rounding makes singular comes out as `CalibrationError`."""
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise CalibrationError(
+            f"the points do not determine what is asked, to the last digits ({error}); check that every point has an image "
+            "in front of the camera, and add views of other tilts (about 30 deg)"
+        ) from error
+
+
 def as_image(image, name="image"):
     """Return `image` as a C-contiguous (height, width) uint8 array.
 
@@ -21,7 +35,10 @@ def as_image(image, name="image"):
         If it is not a two-dimensional, non-empty array of 8-bit grey values.
     """
     if image is None:
-        raise ValueError(f"{name} is None, as cv2.imread returns for a file that was not read; check its path")
+        raise ValueError(
+            f"{name} is None, which cv2.imread returns for a file that it cannot read; expected a (height, width) array "
+            "of type uint8: check the path"
+        )
     array = np.asarray(image)
     if array.ndim != 2 or array.size == 0 or array.dtype != np.uint8:
         raise ValueError(
@@ -39,30 +56,41 @@ def as_points(points, dimension, name, minimum=1):
     ValueError
         If the shape, the number of points or a value is unusable.
     """
+    if points is None:
+        raise ValueError(f"{name} is None; expected an array of shape (n, {dimension})")
     try:
         array = np.array(points, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name} is not an array of numbers; expected shape (n, {dimension})") from error
+    if array.shape[1:] == (1, dimension):
+        raise ValueError(
+            f"{name} has shape {array.shape}, as OpenCV returns points; expected (n, {dimension}): .reshape(-1, {dimension})"
+        )
     if array.ndim != 2 or array.shape[1] != dimension or len(array) < minimum:
         raise ValueError(f"{name} has shape {array.shape}; expected (n, {dimension}) with n >= {minimum}")
     if not np.isfinite(array).all():
-        raise ValueError(f"{name} of shape {array.shape} has NaN or infinite values; expected finite numbers")
+        first = int(np.flatnonzero(~np.isfinite(array).all(axis=1))[0])
+        raise ValueError(
+            f"{name} of shape {array.shape} has NaN or infinite values, first in row {first}; expected finite numbers"
+        )
     return array
 
 
-def as_matched_points(object_points, image_points, minimum=1):
+def as_matched_points(object_points, image_points, minimum=1, view=""):
     """Return one view's (n, 3) object points and (n, 2) image points, checked to be of one length.
+
+    `view` follows the names of both in messages: "[3]".
 
     Raises
     ------
     ValueError
         If either is unusable (see `as_points`) or their lengths differ.
     """
-    object_points = as_points(object_points, 3, "object_points", minimum)
-    image_points = as_points(image_points, 2, "image_points", minimum)
+    object_points = as_points(object_points, 3, f"object_points{view}", minimum)
+    image_points = as_points(image_points, 2, f"image_points{view}", minimum)
     if len(object_points) != len(image_points):
         raise ValueError(
-            f"object_points has {len(object_points)} rows and image_points {len(image_points)}; "
+            f"object_points{view} has {len(object_points)} rows and image_points{view} {len(image_points)}; "
             "expected one image point for each object point"
         )
     return object_points, image_points
@@ -136,19 +164,39 @@ def as_views(object_points, image_points, minimum):
     Raises
     ------
     ValueError
-        If they are no such lists, a view has fewer than `minimum` points, or its points lie on a line.
+        If they are no such lists, a view has fewer than `minimum` points, or its points lie on a line; the message
+        names the view, counted from 0.
     """
     for views, name in ((object_points, "object_points"), (image_points, "image_points")):
-        if not hasattr(views, "__len__") or isinstance(views, str) or len(views) == 0 or np.ndim(views[0]) != 2:
-            raise ValueError(f"{name} is not a sequence of arrays, one for each view")
+        _demand_sequence(views, name)
     if len(object_points) != len(image_points):
         raise ValueError(
             f"object_points has {len(object_points)} views and image_points {len(image_points)}; expected as many"
         )
-    pairs = [as_matched_points(*view, minimum) for view in zip(object_points, image_points, strict=True)]
-    for points, measured in pairs:
-        for array, name in ((points, "object_points"), (measured, "image_points")):
+    pairs = []
+    for view, (points, measured) in enumerate(zip(object_points, image_points, strict=True)):
+        pairs.append(as_matched_points(points, measured, minimum, f"[{view}]"))
+        for array, name in zip(pairs[-1], ("object_points", "image_points"), strict=True):
             singular = np.linalg.svd(array - array.mean(axis=0), compute_uv=False)
             if singular[1] <= 1e-6 * singular[0]:
-                raise ValueError(f"{name} of shape {array.shape} lie on one line; expected a spread of points")
+                raise ValueError(
+                    f"{name}[{view}] of shape {array.shape} lie on one line; expected a spread of points"
+                )
     return [[np.ascontiguousarray(view) for view in views] for views in zip(*pairs, strict=True)]  # for OpenCV
+
+
+def _demand_sequence(views, name):
+    """Refuse what is not a sequence of one array or more for each view."""
+    if isinstance(views, np.ndarray) and views.ndim < 3 and views.dtype != object:
+        raise ValueError(
+            f"{name} has shape {views.shape}; expected a sequence of arrays, one for each view (of one view: [array])"
+        )
+    if not hasattr(views, "__len__") or isinstance(views, (str, bytes, dict)):
+        raise ValueError(f"{name} is {type(views).__name__}; expected a sequence of arrays, one for each view")
+    if len(views) == 0:
+        raise ValueError(f"{name} is empty: there is no view; expected a sequence of arrays, one for each view")
+
+
+def outside(image_points, image_size):
+    """Which image points (n, 2), px, lie more than a pixel outside of an image of (width, height) px: (n,) bool."""
+    return np.any((image_points < -1.5) | (image_points > np.array(image_size) + 0.5), axis=1)

@@ -20,7 +20,7 @@ from .own_radius import end_tolerance, own_radius
 METHODS = ("two-stage", "phase-code", "accumulator", "multiscale")
 POLARITIES = ("bright", "dark")
 OCTAVE = 5.0  # px, smallest radius that is searched on a reduced picture; the largest is twice that, or 2.4 times
-NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of the noise, and at all
+NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of the noise, and at all (rounding's is 4)
 LEAST_VOTES, LEAST_QUALITY = 0.25, 1.0  # of a candidate
 ALIGNED = 0.8  # cosine of the largest angle between an edge's gradient and the direction of the centre
 BAND = 0.2  # part of the radius by which an ellipse's edge may depart from a circle
@@ -80,8 +80,8 @@ def find_circles(
     method : {"multiscale", "two-stage", "phase-code", "accumulator"}
         "multiscale" searches each octave of radii on a picture reduced so far (by 1, 2, 4 ...) that they are 5
         to 10 px there (those below 10 px on the picture itself).  Edge points, thinned as Canny does, count from a
-        gradient of four standard deviations of the noise on, whatever the contrast, and vote along the gradient as
-        in "two-stage".  Around each peak of the votes the radii are tried at which edge points lie all around
+        gradient of four standard deviations of the noise on, whatever the contrast above 6 grey values (below, steps
+        that rounding makes of slow shading look the same), and vote along the gradient as in "two-stage".  Around each peak of the votes the radii are tried at which edge points lie all around
         (24 sectors), and an ellipse is fitted to those points.  The score is the part of the sectors with an edge
         point within 10 % of the radius of that ellipse, at least 1.55 - sensitivity; where a circle runs along
         better ones, that part does not count.  Accurate to a few per cent of the radius.

@@ -6,7 +6,7 @@ by what lies around the grid (`board_checks`).
 
 import numpy as np
 
-from .board_checks import check_ends
+from .board_checks import check_ends, check_fields
 from .board_grid import candidate_grids, seen_grid
 from .checks import DetectionError, as_image
 from .corner_fit import fit_corners
@@ -40,8 +40,8 @@ def find_corners(image, board):
     ValueError
         If the image is unusable or the board has fewer than 3 columns or rows.
     DetectionError
-        If the whole board is not seen, its corners are too close together, or one of them is not a clear
-        crossing of two edges.
+        If the whole board is not seen, the pattern goes on beyond it, its corners are too close together, one of
+        them is not a clear crossing of two edges, or odd and even lines are shifted.
 
     Notes
     -----
@@ -50,6 +50,9 @@ def find_corners(image, board):
     differ: the square outside the first corner (diagonally opposite to the board's inside) is black.  Where
     several orders remain (the paper's 8 x 6 board looks the same after half a turn), the first corner is the
     one nearest to the top left of the picture.
+
+    The search sees the image at fixed sizes (see `board_grid`), so its time has a bound where there is no board.
+    In an image of 12 megapixels, squares below some 12 px may be missed.
     """
     image = as_image(image)
     if min(board.columns, board.rows) < 3:
@@ -61,7 +64,8 @@ def find_corners(image, board):
         except DetectionError as error:
             refusal = refusal or error
         else:
-            check_ends(image, corners.reshape(board.rows, board.columns, 2))
+            for check in (check_fields, check_ends):
+                check(image, corners.reshape(board.rows, board.columns, 2))
             return corners
     raise _not_found(image, board, refusal)
 

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from .checks import as_image, as_number, as_points
+from .checks import as_choice, as_image, as_number, as_points
 
 RING = 6.0  # px on either side of the edge that take part in the fit
 GROUND = 24.0  # px on either side of the edge up to which even ground helps to know the levels
@@ -191,7 +191,8 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     """
     image = as_image(image)
     limits = as_number(max_chi2, "max_chi2", 0.0), as_number(max_misfit, "max_misfit", 0.0)
-    rows, sign = _as_circles(circles), _SIGNS[getattr(circles, "polarity", "")]
+    rows = _as_circles(circles)
+    sign = _SIGNS[as_choice(getattr(circles, "polarity", ""), "circles.polarity", _SIGNS)]
     circles = _Ellipse(*rows.T.copy(), np.zeros(len(rows)), np.zeros(len(rows)))
     fits = [None] * len(rows)
     usable = (rows[:, 2] >= 2) & _inside(circles, image.shape)

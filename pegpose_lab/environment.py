@@ -14,12 +14,19 @@ import subprocess
 import sys
 import sysconfig
 import time
+from contextlib import contextmanager
 from pathlib import Path
+
+from . import progress
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 LOCK = CHECKOUT / "environment.txt"
 VENV = CHECKOUT / ".venv"
 STAMP_NAME = "pegpose_lab.json"
+
+# Measured on Linux with two cores and a mirror nearby, so the times are those of the installers; a network adds its own.
+FETCHED_MB, INSTALLED_MB = 200, 800
+SECONDS = {"uv": 5, "pip": 60}
 
 
 class SetUpError(SystemExit):
@@ -36,8 +43,29 @@ def set_up():
     Raises
     ------
     SetUpError
-        If there is no environment to be had; left to itself it ends the program with its message.
+        If there is no environment to be had, or no place for it; left to itself it ends the program with its message.
     """
+    with _file_errors_in_words():
+        return _set_up()
+
+
+@contextmanager
+def _file_errors_in_words():
+    """Say in one sentence where a folder cannot be written, a disk is full or a file is in the way."""
+    try:
+        yield
+    except OSError as error:
+        place = f" ({error.filename})" if error.filename else ""
+        raise SetUpError(
+            f"Set-up needs to write the folder {VENV}, and cannot: {error.strerror or error}{place}. "
+            "Mend that, or copy the project to where you can write, and run this command again."
+        ) from error
+
+
+def _set_up():
+    """`set_up`, with the errors of the file system as they come."""
+    if VENV.exists() and not VENV.is_dir():
+        raise SetUpError(f"{VENV} is a file where set-up makes a folder. Move it away, then run this command again.")
     wanted, found = _wanted_stamp(), _read_stamp()
     if found == wanted and _is_whole():
         return False
@@ -45,8 +73,8 @@ def set_up():
     if VENV.exists() and not update:
         _remove()
     start = time.monotonic()
-    print(f"Setting up {VENV} from {LOCK.name}; this can take a minute or two ...", flush=True)
     _write_stamp({})
+    _announce()
     try:
         if not update:
             _make_venv()
@@ -61,6 +89,21 @@ def set_up():
     _write_stamp(wanted)
     print(f"Set-up done in {time.monotonic() - start:.0f} s.", flush=True)
     return True
+
+
+def _announce():
+    """Say what is about to be fetched, and how long that took where it was measured."""
+    tool = "uv" if shutil.which("uv") else "pip"
+    print(
+        f"Setting up {VENV} from {LOCK.name} with {tool}: {_pin_count()} packages, {FETCHED_MB} MB to fetch, "
+        f"up to {INSTALLED_MB} MB on disk. Typical: {SECONDS[tool]} s, and the time that the network needs.",
+        flush=True,
+    )
+
+
+def _pin_count():
+    """How many packages the lock pins, on any system."""
+    return len(re.findall(r"^[\w.-]+==", LOCK.read_text(encoding="utf-8"), re.MULTILINE))
 
 
 def python():
@@ -87,7 +130,7 @@ def _wanted_stamp():
     return {
         "lock": hashlib.sha256(lock).hexdigest(),
         "python": sys.implementation.cache_tag,
-        "checkout": str(CHECKOUT),
+        "checkout": os.fsencode(CHECKOUT).decode("utf-8", "surrogateescape"),  # the same in every locale
     }
 
 
@@ -178,17 +221,26 @@ def _venv_commands(base, folder, has_venv):
 
 
 def _install():
-    """Install the lock."""
-    _pip_install(["-r", LOCK], LOCK.name)
+    """Install the lock, and show how far that is."""
+
+    def run(command):
+        return progress.run(command, _site_packages(), _pin_count())
+
+    _run_first(_install_commands("-r", LOCK), f"Installing {LOCK.name}", run)
 
 
 def _pip_install(arguments, name, python_there=None):
-    """Install into `.venv`, or for another Python, with uv where that is found and works, else with pip."""
+    """Install into `.venv`, or for another Python, without a word."""
+    _run_first(_install_commands("--quiet", *arguments, python_there=python_there), f"Installing {name}")
+
+
+def _install_commands(*arguments, python_there=None):
+    """The commands that install into `.venv`, or for another Python: uv's where that is found, and pip's."""
     uv, target = shutil.which("uv"), python_there or python()
-    commands = [[target, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *arguments]]
+    commands = [[target, "-m", "pip", "install", "--disable-pip-version-check", "--no-input", *arguments]]
     if uv:
-        commands.insert(0, [uv, "pip", "install", "--quiet", "--python", target, *arguments])
-    _run_first(commands, f"Installing {name}")
+        commands.insert(0, [uv, "pip", "install", "--python", target, *arguments])
+    return commands
 
 
 def python_of_version(version):
@@ -251,13 +303,23 @@ def _try_to_install(arguments):
         print(f"{error}\nThe benchmark goes on without it.", file=sys.stderr, flush=True)
 
 
-def _run_first(commands, task):
-    """Run commands until one succeeds."""
-    if all(subprocess.call(command) for command in commands):
+def _run_first(commands, task, run=None):
+    """Run commands until one succeeds; `run` runs one and returns its exit code (default: `subprocess.call`)."""
+    if all((run or subprocess.call)(command) for command in commands):
         raise SetUpError(f"{task} failed; the lines above say why. Once that is mended, run the command again.")
 
 
+def _site_packages():
+    """The folder of `.venv` that packages are installed into."""
+    return Path(sysconfig.get_path("purelib", "venv", {"base": str(VENV), "platbase": str(VENV)}))
+
+
 def _write_path_file():
-    """Make the checkout importable from every folder, in kernels too."""
-    packages = sysconfig.get_path("purelib", "venv", {"base": str(VENV), "platbase": str(VENV)})
-    Path(packages, "pegpose_lab.pth").write_bytes(os.fsencode(CHECKOUT) + b"\n")
+    """Make the checkout importable from every folder, in kernels too.
+
+    Python reads this file in the locale's encoding (3.11, 3.12) and strips blanks: so the path in it is relative,
+    which is ASCII and ends in a dot whatever the checkout's folder is called.
+    """
+    packages = _site_packages()
+    way_up = os.path.relpath(CHECKOUT, packages).replace(os.sep, "/")
+    (packages / "pegpose_lab.pth").write_text(f"{way_up}\n", encoding="ascii")

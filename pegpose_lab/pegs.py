@@ -22,6 +22,7 @@ from .checks import DetectionError, as_image
 from .circles import find_circles
 from .edges import fit_discs
 from .segmentation import segment
+from .targets import MOST_PEGS
 
 SENSITIVITY = 0.95  # of the Hough transform: the pattern sorts out false circles
 LARGEST_TILT_RATIO = 0.3  # |F_-1 / F_1| = (1 - cos tilt) / (1 + cos tilt): 57 degrees
@@ -30,7 +31,7 @@ RADIUS_TOLERANCE = 0.25  # of a disc's radius
 SHAPE_TOLERANCE = 0.03  # of a peg's semi-axes, against what the other pegs' places make of it
 BASE_SCALE = (0.7, 1.1)  # scale of the base's picture over that of the pegs' tops
 OBLIQUENESS = 0.7  # tangent of the angle between line of sight and hub axis
-MOST_NEIGHBOURS = 14  # circles tried as pegs of one bore
+MOST_NEIGHBOURS = MOST_PEGS  # circles tried as pegs of one bore: the sets of n_pegs among them are all tried
 MOST_RINGS = 20
 CLEAR_TURN = 0.8  # the best of several labellings must move the pegs less than this part of the next one
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from .checks import as_number
+from .checks import as_choice, as_count, as_number
 
 LATTICES = {34: 21, 144: 89}
 """Rays in a quarter of a pixel at an edge, and the stride of their Fibonacci lattice, even along every direction."""
@@ -132,10 +132,9 @@ def render_hub(
     if view.origin[2] >= 0:
         raise ValueError("cam_from_hub shows the hub from below: its z axis has to point away from the camera")
     spots = _place_spots(hub, as_number(highlights, "highlights", 0), rng)
-    swarf = _place_swarf(hub, int(as_number(clutter, "clutter", 0, 10_000)), rng)
+    swarf = _place_swarf(hub, as_count(clutter, "clutter", 0, 10_000), rng)
     covered = as_number(occlusion, "occlusion", 0, 1)
-    if rays not in LATTICES:
-        raise ValueError(f"rays is {rays!r}; expected one of {', '.join(map(str, LATTICES))}")
+    rays = as_choice(rays, "rays", LATTICES)
 
     def shade(directions):
         top, base = view.on_plane(directions, 0.0), view.on_plane(directions, hub.peg_height)
@@ -189,6 +188,7 @@ def true_disc(camera, cam_from_object, center, radius):
 
 def disc_outline(camera, cam_from_object, center, radius, n_points=100):
     """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame."""
+    n_points = as_count(n_points, "n_points", 3)
     angles = np.linspace(0, 2 * np.pi, n_points, endpoint=False)
     rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(n_points)])
     return camera.project(np.asarray(center) + as_number(radius, "radius", 0) * rim, cam_from_object)

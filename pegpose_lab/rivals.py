@@ -7,6 +7,7 @@ the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photo
 import time
 from dataclasses import replace
 from functools import cached_property
+from zlib import crc32
 
 import numpy as np
 import pandas as pd
@@ -83,7 +84,8 @@ def success_rates(sets=None, *, variants=tuple(VARIANTS), seeds=SEEDS, workers=2
     variants : sequence of str
         Of `VARIANTS`.
     seeds : int
-        Seeds 0, 1, ... of the algorithm.
+        Runs of the algorithm, each with a generator of its own: it is seeded by the names of view and variant, too, so
+        that all runs are independent.
     workers : int
         Processes; the numbers do not depend on them.
     progress : bool
@@ -104,7 +106,9 @@ def success_rates(sets=None, *, variants=tuple(VARIANTS), seeds=SEEDS, workers=2
 def _success(name, object_points, image_points, camera, variant, seeds):
     """A row of `success_rates`."""
     optimum = optimum_in_box(object_points, image_points, camera).mean_distance
-    runs = repeat_calibration(object_points, image_points, camera, range(seeds), **VARIANTS[variant])
+    key = [crc32(text.encode()) for text in (name, variant)]
+    rngs = [np.random.default_rng([*key, seed]) for seed in range(seeds)]
+    runs = repeat_calibration(object_points, image_points, camera, rngs, **VARIANTS[variant])
     excess = np.maximum(np.array([run.mean_distance for run in runs]) - optimum, 0)
     return name, variant, optimum, seeds, int(np.sum(excess <= REACHED)), float(np.median(excess)), float(excess.max())
 

@@ -227,6 +227,34 @@ def to_text(notebook):
     }
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)
-        for output in cell.get("outputs", []):
-            output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
+    _drop_widgets(notebook)
     return nbformat.writes(notebook) + "\n"
+
+
+def _drop_widgets(notebook):
+    """Take away, in place, what a widget can be shown from only while its kernel lives."""
+    notebook.metadata.pop("widgets", None)
+    for output in (output for cell in notebook.cells for output in cell.get("outputs", [])):
+        output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
+
+
+def clean_before_save(model, path, **_):
+    """A ``pre_save_hook`` of Jupyter's contents manager: the project's notebooks are stored as `to_text` has them.
+
+    Notebooks of anybody else keep their own kernel and metadata, and lose only the models of widgets.
+
+    Parameters
+    ----------
+    model : dict
+        What is about to be saved; changed in place.
+    path : str
+        Where, below the server's root folder.
+    """
+    if model.get("type") != "notebook" or not model.get("content"):
+        return
+    notebook = nbformat.from_dict(model["content"])
+    if re.fullmatch(r"notebooks/\d\d_\w+\.ipynb", path.strip("/")):
+        notebook = nbformat.reads(to_text(notebook), as_version=nbformat.NO_CONVERT)
+    else:
+        _drop_widgets(notebook)
+    model["content"] = notebook

@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .checks import as_number
+from .checks import as_count, as_number
+
+MOST_PEGS = 14  # that `locate_pegs` can tell apart around a bore
 
 
 @dataclass(frozen=True)
@@ -32,8 +34,7 @@ class Checkerboard:
 
     def __post_init__(self):
         for name in ("columns", "rows"):
-            if as_number(getattr(self, name), name, 2) != int(getattr(self, name)):
-                raise ValueError(f"{name} is {getattr(self, name)}; expected a whole number")
+            object.__setattr__(self, name, as_count(getattr(self, name), name, 2))
         as_number(self.square, "square", 0, exclusive=True)
 
     @property
@@ -59,11 +60,11 @@ class Hub:
     Parameters
     ----------
     n_pegs : int
-        At least 3.
+        3 to 14: more cannot be located.
     pitch_circle_diameter, peg_radius, peg_height, bore_radius, screw_radius, screw_circle_diameter, radius : float
         mm; `radius` is the base's outer radius.
     screw_angles : tuple of float
-        rad about z from peg 1; the first belongs to the gap before peg 1.  By default the middles of
+        rad about z from peg 1, at least one: without a screw pegs cannot be labelled; the first belongs to the gap before peg 1.  By default the middles of
         the gap between the last peg and peg 1, and of the one opposite to it.
 
     Raises
@@ -83,8 +84,7 @@ class Hub:
     screw_angles: tuple = None
 
     def __post_init__(self):
-        if as_number(self.n_pegs, "n_pegs", 3) != int(self.n_pegs):
-            raise ValueError(f"n_pegs is {self.n_pegs}; expected a whole number")
+        object.__setattr__(self, "n_pegs", as_count(self.n_pegs, "n_pegs", 3, MOST_PEGS))
         for name in ("pitch_circle_diameter", "peg_radius", "bore_radius", "screw_radius", "screw_circle_diameter"):
             as_number(getattr(self, name), name, 0, exclusive=True)
         as_number(self.peg_height, "peg_height", 0)
@@ -92,6 +92,10 @@ class Hub:
         if self.screw_angles is None:
             gap = 2 * np.pi / self.n_pegs
             object.__setattr__(self, "screw_angles", (-gap / 2, gap * (self.n_pegs // 2) - gap / 2))
+        if np.ndim(self.screw_angles) != 1 or len(self.screw_angles) == 0:
+            raise ValueError(f"screw_angles is {self.screw_angles!r}; expected at least one angle, rad")
+        angles = [as_number(angle, f"screw_angles[{k}]") for k, angle in enumerate(self.screw_angles)]
+        object.__setattr__(self, "screw_angles", tuple(angles))
         if self.peg_radius >= self.pitch_circle_diameter / 2 * np.sin(np.pi / self.n_pegs):
             raise ValueError(f"peg_radius is {self.peg_radius:g} mm; {self.n_pegs} such pegs overlap on the pitch circle")
 

@@ -5,7 +5,8 @@ direction (x_d, y_d), and
 
 .. math:: x_d\,(r_4 x + r_5 y + r_6 z + T_y) = y_d\,(r_1 x + r_2 y + r_3 z + T_x)
 
-holds with distortion or without.  Divided by T_y it is linear in seven ratios, in five for a plane z = 0.
+holds with distortion or without.  Divided by T_y it is linear in seven ratios, in five for a plane z = 0 (any plane
+is one in its own frame, see `planes`).
 They give R, T_x and T_y; then the distortion-free projection of y gives f and T_z, again linearly:
 
 .. math:: f\,(r_4 x + r_5 y + r_6 z + T_y) - y_d\,T_z = y_d\,(r_7 x + r_8 y + r_9 z)
@@ -14,15 +15,19 @@ Source: R. Y. Tsai, IEEE J. Robotics and Automation 3(4), 323-344, 1987 (the pap
 stable T_y^2, the sign conventions and the guards are stated with the functions.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .checks import CalibrationError, as_matched_points
+from .checks import CalibrationError, as_matched_points, undetermined_if_singular
+from .planes import FLAT, is_planar, plane_frame, relief
 
-PLANE_TOLERANCE = 1e-6
-"""Points are a plane (a line) if they leave it by less than this fraction of their extent."""
+SMALLEST_SPREAD = 1e-6
+"""Points lie on a line (in a plane) if they leave it by less than this fraction of their extent."""
+
+RELIEF_ROUNDS = 4
+"""Times that a plane's solution is taken to remove what its relief does to the image: each leaves about `FLAT` of it."""
 
 SMALLEST_TY = 0.05
 """The world origin is moved if its |y_c| is below this fraction of the largest |y_c| of the points."""
@@ -58,7 +63,7 @@ class TsaiSolution:
     scale_x : float
         Horizontal scale left in the sensor points; 1 for a plane, which cannot show it.
     tilt : float
-        Angle between the optical axis and the object's z axis, degrees, 0 to 90.
+        Angle between the optical axis and the plane's normal (of a body: the object's z axis), degrees, 0 to 90.
     focal_length_sigma : float
         Standard deviation of f, mm, by noise alone; the bias that neglected distortion gives f is not in it.
     flags : tuple of str
@@ -74,14 +79,9 @@ class TsaiSolution:
     flags: tuple = ()
 
 
-def is_planar(object_points):
-    """Whether the points have one z, to `PLANE_TOLERANCE` of their extent: then `solve_coplanar` is for them."""
-    extent = np.ptp(object_points, axis=0)
-    return bool(extent[2] <= PLANE_TOLERANCE * np.hypot(extent[0], extent[1]))
-
-
+@undetermined_if_singular()
 def solve_coplanar(object_points, sensor_points):
-    r"""Tsai's method for points of one plane z = const of the object's frame.
+    r"""Tsai's method for points of one plane, anywhere in the object's frame.
 
     The five ratios :math:`U = (r_1, r_2, T_x, r_4, r_5) / T_y` solve
 
@@ -95,10 +95,13 @@ def solve_coplanar(object_points, sensor_points):
     5 % of the largest |y_c| of the points), T_y is near 0 and cannot be divided by: the origin is then
     moved to the point imaged farthest from that axis, and moved back in the end.
 
+    A measured board is flat to micrometres only.  x and y are those of the plane through the points
+    (`plane_frame`), and what their distances from it do to the image is taken off, by the solution found so far.
+
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm, n >= 5, with equal z; for points that are not a plane see `solve_noncoplanar`.
+        mm, n >= 5, of a plane to `FLAT`; for points that are not a plane see `solve_noncoplanar`.
     sensor_points : (n, 2) array_like
         Distorted sensor coordinates from the principal point, mm (`TsaiCamera.to_sensor`).
 
@@ -109,24 +112,39 @@ def solve_coplanar(object_points, sensor_points):
     Raises
     ------
     ValueError
-        If the input is unusable: fewer than five points, on a line, not of one z.
+        If the input is unusable: fewer than five points, on a line, not of one plane.
     CalibrationError
         If the plane is seen from straight ahead as far as the noise can tell, or f is otherwise undetermined.
     """
     object_points, sensor_points = as_matched_points(object_points, sensor_points, 5)
     if not is_planar(object_points):
         raise ValueError(
-            f"object_points differ by {np.ptp(object_points[:, 2]):g} mm in z; expected a plane z = const "
-            "(describe a board in its own frame; for points that are not a plane use solve_noncoplanar)"
+            f"object_points leave the plane through them by {100 * relief(object_points):.2g} % of their width; expected "
+            f"a plane, to {100 * FLAT:g} % (for points that are not a plane use solve_noncoplanar)"
         )
-    _demand_spread(object_points[:, :2], "object_points", "line")
+    plane_from_object = plane_frame(object_points)
+    points = plane_from_object.apply(object_points)
+    _demand_spread(points[:, :2], "object_points", "line")
     _demand_spread(sensor_points, "image_points", "line")
-    shift = np.array([0.0, 0.0, object_points[0, 2]])
-    if _origin_near_x_axis(object_points[:, :2], sensor_points):
-        shift = _point_off_x_axis(object_points, sensor_points)
-    return _solve((object_points - shift)[:, :2], sensor_points, shift)
+    shift = np.zeros(3)
+    if _origin_near_x_axis(points[:, :2], sensor_points):
+        shift = _point_off_x_axis(points, sensor_points) * [1, 1, 0]
+    solution = _solve((points - shift)[:, :2], sensor_points, shift)
+    for _ in range(RELIEF_ROUNDS if np.any(points[:, 2]) else 0):
+        solution = _solve((points - shift)[:, :2], sensor_points - _relief_in_image(points, solution), shift)
+    translation = solution.translation + solution.rotation.apply(plane_from_object.translation)
+    return replace(solution, rotation=solution.rotation * plane_from_object.rotation, translation=translation)
 
 
+def _relief_in_image(points, solution):
+    """How far the sensor points (n, 2) of points near the plane z = 0 lie from those of their feet on it, mm."""
+    seen, feet = (solution.rotation.apply(p) + solution.translation for p in (points, points * [1, 1, 0]))
+    if min(seen[:, 2].min(), feet[:, 2].min()) <= 0:
+        raise CalibrationError("the linear solution has points behind the camera; check the order of the points")
+    return solution.focal_length * (seen[:, :2] / seen[:, 2:] - feet[:, :2] / feet[:, 2:])
+
+
+@undetermined_if_singular()
 def solve_noncoplanar(object_points, sensor_points):
     r"""Tsai's method for points that are not a plane; it also gives the horizontal scale s_x.
 
@@ -166,7 +184,7 @@ def solve_noncoplanar(object_points, sensor_points):
 def _demand_spread(points, name, degenerate):
     """Refuse points that lie on a line (2-D) or in a plane (3-D)."""
     singular = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if singular[-1] <= PLANE_TOLERANCE * singular[0]:
+    if singular[-1] <= SMALLEST_SPREAD * singular[0]:
         raise ValueError(f"{name} of shape {points.shape} lie on one {degenerate}; expected a spread of points")
 
 

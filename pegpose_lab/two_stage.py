@@ -12,10 +12,12 @@ from scipy.spatial.transform import RigidTransform
 
 from .calibration import MINIMUM_POINTS, Calibration
 from .camera import demand_tsai, distort_radius, max_undistorted_radius
-from .checks import CalibrationError, as_matched_points, as_number
+from .checks import CalibrationError, as_matched_points, as_number, undetermined_if_singular
 from .genetic import repeat_genetic
 from .joint import profile_focal_length
-from .tsai import is_planar, solve_coplanar, solve_noncoplanar
+from .planes import is_planar
+from .starts import demand_views
+from .tsai import solve_coplanar, solve_noncoplanar
 
 BOX = 0.25
 """Half-width of stage 2's box, as a fraction of the linear f and T_z (Eq. 5)."""
@@ -34,13 +36,14 @@ SIDE_BY_SIDE = 8
 """Runs of the genetic algorithm that are evaluated together: their arrays still fit into a processor's cache."""
 
 
+@undetermined_if_singular()
 def calibrate_tsai(object_points, image_points, camera):
     """Stage 1: Tsai's linear calibration of one view, without distortion (Table 1, "linear").
 
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm.  One z for all (a board in its own frame, n >= 5): `solve_coplanar`; else (n >= 7)
+        mm.  Of one plane (a board, also as measured, in any frame; n >= 5): `solve_coplanar`; else (n >= 7)
         `solve_noncoplanar`, which also corrects scale_x.
     image_points : (n, 2) array_like
         px.
@@ -61,6 +64,7 @@ def calibrate_tsai(object_points, image_points, camera):
     """
     object_points, image_points = as_matched_points(object_points, image_points, MINIMUM_POINTS)
     demand_tsai(camera)
+    demand_views([object_points], [image_points], camera.image_size)
     solve = solve_coplanar if is_planar(object_points) else solve_noncoplanar
     solution = solve(object_points, camera.to_sensor(image_points))
     camera = replace(
@@ -293,6 +297,7 @@ def _allowed_f(object_points, image_points, camera, principal_point):
     return f"{low:.5g} to {high:.5g} mm"
 
 
+@undetermined_if_singular()
 def calibrate_genetic(
     object_points, image_points, camera, *, rng=None, box=BOX, kappa1="shared", genes="magnification", **options
 ):
@@ -440,6 +445,7 @@ COARSE, FINE = 8, 25
 """Narrower scans that find the valleys, to 1e-6 of the box, and that end at the last digits."""
 
 
+@undetermined_if_singular()
 def optimum_in_box(object_points, image_points, camera, *, box=BOX):
     r"""The best that stage 2 can find: the smallest Eq. 7 in the box of Eq. 5, without chance.  Judge the GA by it.
 

@@ -8,7 +8,7 @@ from scipy.stats import binned_statistic
 
 from .camera import OpenCVCamera
 from .checks import CalibrationError, as_number, as_points
-from .joint import board_pose
+from .pose_of_board import board_pose
 
 LEAST_IN_RING = 5
 

@@ -177,3 +177,27 @@ def test_a_folding_picture_has_no_opencv_model():
 def test_bad_opencv_cameras_are_named(matrix, coefficients, name):
     with pytest.raises(ValueError, match=name):
         OpenCVCamera(matrix, coefficients, (640, 480))
+
+
+@pytest.mark.parametrize("place, value", [((0, 1), 50.0), ((1, 0), 40.0), ((0, 1), 1e-6)])
+def test_skew_is_refused_for_opencv_ignores_it(place, value):
+    matrix = np.array([[1000.0, 0, 500], [0, 1000, 400], [0, 0, 1]])
+    matrix[place] = value
+    with pytest.raises(ValueError, match="camera_matrix has skew"):
+        OpenCVCamera(matrix, np.zeros(5), (1000, 800))
+
+
+def test_rounding_is_no_skew():
+    camera = OpenCVCamera([[1000.0, 1e-13, 500], [0, 1000, 400], [0, 0, 1]], np.zeros(5), (1000, 800))
+    assert camera.camera_matrix[0, 1] == 0
+
+
+@pytest.mark.parametrize("size", ["ab", 640, (640,), (640, "480"), (640.5, 480), (0, 480), None, (True, True)])
+def test_a_size_is_two_whole_numbers(size):
+    with pytest.raises(ValueError, match="image_size"):
+        OpenCVCamera(np.eye(3), np.zeros(5), size)
+
+
+def test_sizes_become_ints():
+    assert TsaiCamera(1.0, image_size=np.array([640.0, 480.0])).image_size == (640, 480)
+    assert all(type(value) is int for value in TsaiCamera(1.0, image_size=np.array([640.0, 480.0])).image_size)

@@ -410,6 +410,15 @@ def test_multiscale_finds_tilted_discs_in_uneven_light(contrast):
     assert len(found) == len(ellipses)
 
 
+@pytest.mark.parametrize("blur", [0.3, 1.0, 2.0])
+def test_multiscale_finds_a_disc_of_any_contrast_above_six_grey_values(blur):
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        center, radius, ground = 60 + rng.uniform(-2, 2, 2), rng.uniform(20, 30), 100 + rng.random()
+        picture = draw_ellipses((120, 120), [(*center, radius, radius, 0)], background=ground, level=ground + 6.5, blur=blur)
+        assert len(find_circles(to_uint8(picture, 0.5, rng), (15, 35))) == 1
+
+
 def test_multiscale_finds_nothing_in_noise_and_does_not_need_the_whole_edge():
     rng = np.random.default_rng(0)
     assert len(find_circles(to_uint8(np.full((300, 400), 100.0), 10, rng), (5, 60))) == 0

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import board_grid, measured
-from pegpose_lab.board_checks import check_ends
+from pegpose_lab.board_checks import check_ends, check_fields
 from pegpose_lab.camera import TsaiCamera
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.corner_fit import CornerFits, edge_crossing, fit_corners
@@ -309,6 +309,20 @@ def test_a_board_partly_outside_gives_the_same_error_each_time():
             find_corners(image, board)
         messages.add(str(error.value))
     assert len(messages) == 1
+
+
+@pytest.mark.parametrize("turn", [0.0, 25.0, 90.0])
+def test_interlaced_images_of_a_moving_board_are_refused(turn):
+    board = Checkerboard(7, 6, 25.0)
+    image, truth = seen(board, pose_of(board, turn=turn), noise=10.0)
+    check_fields(image, truth.reshape(6, 7, 2))
+    for shift in (3, 6):
+        combed = image.copy()
+        combed[1::2] = np.roll(image[1::2], shift, axis=1)
+        with pytest.raises(DetectionError, match="odd and even lines"):
+            check_fields(combed, truth.reshape(6, 7, 2))
+        with pytest.raises(DetectionError):
+            find_corners(combed, board)
 
 
 @pytest.mark.parametrize("outside", [(-0.5, 20.0), (20.0, 99.6), (500.0, 20.0)])

@@ -251,10 +251,46 @@ def test_bad_circles(circles):
         fit_discs(np.zeros((9, 9), np.uint8), circles)
 
 
+@pytest.mark.parametrize("polarity", [None, "Bright", "white", 1, ["bright"]])
+def test_a_polarity_is_bright_dark_or_left_open(polarity):
+    circles = _circles([(20, 20)], [9])
+    circles.polarity = polarity
+    with pytest.raises(ValueError, match="circles.polarity is .*; expected one of 'bright', 'dark', ''"):
+        fit_discs(np.zeros((40, 40), np.uint8), circles)
+
+
 @pytest.mark.parametrize("kind", [float, bool, np.uint16])
 def test_bad_image(kind):
     with pytest.raises(ValueError, match="image"):
         fit_discs(np.zeros((9, 9), kind), _circles([(4, 4)], [3]))
+
+
+@pytest.mark.parametrize("length", [32_766, 32_767, 40_000])
+@pytest.mark.parametrize("along", [0, 1])
+def test_pictures_of_any_length_are_measured(length, along):
+    """OpenCV's `remap` refuses sides of 32767 px and more."""
+    small = to_uint8(draw_ellipses((140, 140), [(70.3, 68.8, 16, 15, 0.4)]), 2.0, 0)
+    image, shift = np.full((140, length), 60, np.uint8), length - 150
+    image[:, shift : shift + 140] = small
+    truth = fit_discs(small, _circles([(70, 69)], [16]))
+    if along:
+        image = np.ascontiguousarray(image.T)
+        truth = fit_discs(np.ascontiguousarray(small.T), _circles([(69, 70)], [16]))
+    place = (69, 70 + shift) if along else (70 + shift, 69)
+    discs = fit_discs(image, _circles([place], [16]))
+    assert discs.accepted[0]
+    np.testing.assert_allclose(discs.centers[0] - ((0, shift) if along else (shift, 0)), truth.centers[0], atol=1e-3)
+    np.testing.assert_allclose(discs.semi_axes, truth.semi_axes, atol=1e-3)
+
+
+def test_discs_larger_than_opencv_takes_are_started_on_every_so_many_th_pixel(monkeypatch):
+    image = to_uint8(draw_ellipses((300, 300), [(150.2, 148.9, 110, 110, 0)]), 2.0, 0)
+    circles = _circles([(152, 150)], [105])
+    whole = fit_discs(image, circles)
+    monkeypatch.setattr(edges, "REMAP_LIMIT", 99)
+    parts = fit_discs(image, circles)
+    assert whole.accepted[0] and parts.accepted[0]
+    np.testing.assert_allclose(parts.centers, whole.centers, atol=2e-3)
 
 
 def test_more_circles_than_opencv_takes_rows_are_fitted_in_one_call():

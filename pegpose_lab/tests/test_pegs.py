@@ -16,7 +16,7 @@ from pegpose_lab.experiment import paper_experiment
 from pegpose_lab.pegs import _check_fits, _check_shapes, _rings_around, _screws_look_alike, locate_pegs, track_pegs
 from pegpose_lab.pose import estimate_pose, project_discs
 from pegpose_lab.render import render_hub
-from pegpose_lab.targets import Hub
+from pegpose_lab.targets import MOST_PEGS, Hub
 
 CAMERA = TsaiCamera(50.0, (0.08, 0.08), (319.5, 239.5), (640, 480), kappa1=1e-5)
 HUB = Hub()
@@ -126,9 +126,9 @@ def test_a_quarter_turn_between_frames_is_refused():
         list(track_pegs([rendered(0), rendered(90)], HUB))
 
 
-@pytest.mark.parametrize("n_pegs", [3, 5, 6])
+@pytest.mark.parametrize("n_pegs", [3, 5, 6, MOST_PEGS])
 def test_other_numbers_of_pegs(n_pegs):
-    hub = Hub(n_pegs=n_pegs, peg_radius=9.0)
+    hub = Hub(n_pegs=n_pegs, peg_radius=9.0 if n_pegs < 10 else 7.0)
     for turn in (15, 140, 260):
         observation = locate_pegs(rendered(turn, hub=hub), hub)
         screws = truth(pose_of(turn), hub)[1]

@@ -137,7 +137,10 @@ def test_opencv_cameras_render_the_same_picture():
     assert np.abs(ours - opencv).max() <= 1
 
 
-@pytest.mark.parametrize("change", [{"blur": -1}, {"noise": np.nan}, {"clutter": -5}, {"highlights": -1}, {"occlusion": 2}])
+@pytest.mark.parametrize("change", [
+    {"blur": -1}, {"noise": np.nan}, {"clutter": -5}, {"clutter": 2.5}, {"clutter": "3"}, {"clutter": True},
+    {"highlights": -1}, {"occlusion": 2}, {"rays": 35}, {"rays": "34"}, {"rays": None}, {"blur": "1"},
+])
 def test_bad_options_are_named(change):
     with pytest.raises(ValueError, match=next(iter(change))):
         render_hub(CAMERA, TILTED, Hub(), **change)

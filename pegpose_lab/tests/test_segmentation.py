@@ -155,7 +155,8 @@ def test_constant_image():
 
 @pytest.mark.parametrize(
     ("arguments", "name"),
-    [({"min_area": -1}, "min_area"), ({"threshold": 300}, "threshold"), ({"threshold": np.nan}, "threshold")],
+    [({"min_area": -1}, "min_area"), ({"threshold": 300}, "threshold"), ({"threshold": np.nan}, "threshold"),
+     ({"threshold": "90"}, "threshold"), ({"min_area": True}, "min_area")],
 )
 def test_bad_arguments(arguments, name):
     with pytest.raises(ValueError, match=name):

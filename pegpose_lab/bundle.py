@@ -1,0 +1,294 @@
+r"""Least squares of all views at once, and what it leaves uncertain.
+
+The unknowns are the camera's parameters, shared by all views, and six numbers of each view's pose.  A view's pose
+meets no other, so the normal equations have the shape of an arrow,
+
+.. math:: \begin{pmatrix} A & B \\ B^T & C \end{pmatrix}, \qquad C = \mathrm{diag}(C_1, \dots, C_V),
+
+and eliminating the poses leaves the Schur complement :math:`S = A - \sum_v B_v C_v^{-1} B_v^T`, as small as
+the camera has parameters: time and memory grow linearly with the number of views.  S is also the information that the
+views have about the camera when nothing is known of their poses; its smallest eigenvalue says if they determine it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from .calibration import pose_names
+from .checks import CalibrationError
+
+MAX_STEPS = 200
+SMALL_STEP = 1e-7
+"""Length of a step, in standard deviations, after which none is needed."""
+
+NEAR = 1e-3
+"""Length of the full step, in sigmas, within which a state is a minimum though rounding forbids the step."""
+
+SMALLEST_RMS = 1e-9
+"""px; points without noise are not fitted any better than this."""
+
+LEAST_INFORMATION = 1e-11
+"""Smallest eigenvalue of S, scaled by A's diagonal: the part of the information that unknown poses leave."""
+
+HUBER, CAUCHY = 1.501, 2.549
+"""Where the robust losses of a point's distance bend, in standard deviations per axis: with many points to a parameter
+the variance is 1/0.95 of least squares' for errors that are normal in x and y (1.345 and 2.385 are for one axis)."""
+
+ROBUST_ROUNDS = 50
+SMALL_ROUND = 1e-3
+"""Length of a round's step, in standard deviations, after which no more are needed."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """All views' points (V, m, 3) from their centroids (V, 3), their images (V, m, 2), and 1 where there is one."""
+
+    points: np.ndarray
+    centroids: np.ndarray
+    image: np.ndarray
+    used: np.ndarray
+
+    @classmethod
+    def stack(cls, object_points, image_points):
+        shape = len(object_points), max(len(points) for points in object_points)
+        points, image, used = np.zeros((*shape, 3)), np.zeros((*shape, 2)), np.zeros(shape)
+        centroids = np.array([points.mean(axis=0) for points in object_points])
+        for view, (p, q) in enumerate(zip(object_points, image_points, strict=True)):
+            points[view, : len(p)], image[view, : len(p)], used[view, : len(p)] = p - centroids[view], q, 1
+        return cls(points, centroids, image, used)
+
+
+@dataclass(frozen=True)
+class State:
+    """Parameters: the camera's, and each view's rotation (V, 3, 3) and position (V, 3) of the centroid.
+
+    The data determine the centroid's position far better than that of a distant origin.
+    """
+
+    shared: np.ndarray
+    rotations: np.ndarray
+    positions: np.ndarray
+
+    def moved(self, shared, turns, shifts):
+        """After a step; `turns` (V, 3) are rotation vectors about the camera's axes, applied after the rotation."""
+        rotations = Rotation.from_rotvec(turns).as_matrix() @ self.rotations
+        return State(self.shared + shared, rotations, self.positions + shifts)
+
+    def poses(self, views):
+        """Poses of the objects' own origins."""
+        origins = self.positions - np.einsum("vij,vj->vi", self.rotations, views.centroids)
+        return [
+            RigidTransform.from_components(origin, Rotation.from_matrix(rotation))
+            for origin, rotation in zip(origins, self.rotations, strict=True)
+        ]
+
+
+def evaluate(model, views, state):
+    """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by the camera, a turn and a shift; None without an image."""
+    turned = views.points @ state.rotations.transpose(0, 2, 1)
+    points = (turned + state.positions[:, None]).reshape(-1, 3)
+    projection = model.project(state.shared, points)
+    if projection is None:
+        return None
+    image, by_shared, by_point = projection
+    x, y, z = turned.reshape(-1, 1, 3).transpose(2, 0, 1)
+    by_x, by_y, by_z = by_point.transpose(2, 0, 1)
+    by_turn = np.stack([y * by_z - z * by_y, z * by_x - x * by_z, x * by_y - y * by_x], axis=2)
+    jacobian = np.concatenate([by_shared, by_turn, by_point], axis=2)
+    return image.reshape(views.image.shape) - views.image, jacobian.reshape(*views.image.shape, -1)
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The normal equations' blocks A (k, k), B (V, k, 6), C (V, 6, 6), the gradient's, and the weighted cost."""
+
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    shared_gradient: np.ndarray
+    pose_gradient: np.ndarray
+    cost: float
+
+    @classmethod
+    def of(cls, residuals, jacobian, weights):
+        v, m, _, columns = jacobian.shape
+        k, root = columns - 6, np.sqrt(weights)[:, :, None]
+        rows = (jacobian * root[..., None]).reshape(v, 2 * m, columns)
+        residuals = (residuals * root).reshape(v, 2 * m, 1)
+        normal, gradient = rows.transpose(0, 2, 1) @ rows, (rows.transpose(0, 2, 1) @ residuals)[:, :, 0]
+        blocks = normal[:, :k, :k].sum(axis=0), normal[:, :k, k:], normal[:, k:, k:]
+        return cls(*blocks, gradient[:, :k].sum(axis=0), gradient[:, k:], float(np.sum(residuals**2)))
+
+    def eliminated(self, damping=0.0):
+        """S (k, k), and C^-1 B^T (V, 6, k) and C^-1 times the poses' gradient (V, 6, 1)."""
+        k = len(self.a)
+        grown = 1 + damping
+        c = self.c.copy()
+        c[:, range(6), range(6)] *= grown
+        solved = np.linalg.solve(c, np.concatenate([self.b.transpose(0, 2, 1), self.pose_gradient[:, :, None]], axis=2))
+        schur = self.a - (self.b @ solved[:, :, :k]).sum(axis=0)
+        schur[range(k), range(k)] += damping * np.diagonal(self.a)
+        return schur, solved[:, :, :k], solved[:, :, k:]
+
+    def directions(self):
+        """Eigenvalues (k,) of S scaled by A's diagonal, smallest first, the directions (k, k) as rows, in the scaled
+        parameters, and what the poses (V, 6, k) do along each."""
+        schur, by_shared, _ = self.eliminated()
+        scale = np.sqrt(np.diagonal(self.a))
+        values, vectors = np.linalg.eigh(schur / np.outer(scale, scale))
+        return values, vectors.T, -by_shared @ (vectors / scale[:, None])
+
+    def step(self, damping):
+        """Steps of the camera's parameters, turns and shifts, and the decrease of the cost that they promise."""
+        schur, by_shared, by_gradient = self.eliminated(damping)
+        reduced = self.shared_gradient - (self.b @ by_gradient).sum(axis=0)[:, 0]
+        scale = np.sqrt(np.diagonal(self.a))
+        shared = -np.linalg.solve(schur / np.outer(scale, scale), reduced / scale) / scale
+        pose = -(by_gradient[:, :, 0] + by_shared @ shared)
+        promised = -(self.shared_gradient @ shared + np.sum(self.pose_gradient * pose))
+        return shared, pose[:, :3], pose[:, 3:], promised
+
+
+def minimise(model, views, state, weights):
+    """The state at the minimum and its `Equations`."""
+    state, equations, settled = descend(model, views, state, weights)
+    if not settled:
+        _, directions, poses = equations.directions()
+        raise CalibrationError(
+            f"the least squares found no minimum in {MAX_STEPS} steps, for the views hardly determine all of "
+            f"{', '.join(model.names)}: {in_words(model.names, directions[0], poses[:, :, 0])}; add views of other "
+            "tilts (about 30 deg), or free fewer parameters"
+        )
+    return state, equations
+
+
+def descend(model, views, state, weights):
+    """Levenberg and Marquardt's method: the last state, its `Equations`, and whether it is a minimum."""
+    evaluated = evaluate(model, views, state)
+    if evaluated is None:
+        raise CalibrationError("the starting solution does not see all points; check their order")
+    equations, damping, growth = Equations.of(*evaluated, weights), 1e-4, 2.0
+    count, floor = views.used.sum(), np.sum(weights) * SMALLEST_RMS**2
+    for _ in range(MAX_STEPS):
+        step, promised = _step(equations, damping)
+        trial = state.moved(*step) if promised > 0 else None
+        evaluated = None if trial is None else evaluate(model, views, trial)
+        found = None if evaluated is None else Equations.of(*evaluated, weights)
+        noise = max(equations.cost, floor) / count
+        if found is not None and found.cost <= equations.cost:
+            gain = min((equations.cost - found.cost) / promised, 1.0)
+            damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
+            state, equations = trial, found
+        else:
+            damping, growth = damping * growth, 2 * growth
+        if promised <= SMALL_STEP**2 * noise and damping < 1 or equations.cost <= floor:
+            return state, equations, True
+        if damping > 1e12:
+            break
+    near = _step(equations, 0.0)[1] <= NEAR**2 * max(equations.cost, floor) / count
+    return state, equations, bool(near)
+
+
+def _step(equations, damping):
+    """The step and what it promises; where the equations are singular none, which promises nan: more damping helps."""
+    try:
+        *step, promised = equations.step(damping)
+    except np.linalg.LinAlgError:
+        return None, np.nan
+    return step, promised
+
+
+def minimise_robust(model, views, state, loss):
+    """Repeated weighted least squares: weights by the distances, which are judged by their median.
+
+    Returns the state at the minimum, the weights, and the variance per axis that `_robust_variance` gives.
+    """
+    for _ in range(ROBUST_ROUNDS):
+        distances = np.hypot(*np.moveaxis(evaluate(model, views, state)[0], -1, 0))
+        sigma = np.median(distances[views.used > 0]) / np.sqrt(2 * np.log(2))  # per axis: distances are Rayleigh's
+        sigma = max(sigma, SMALLEST_RMS)
+        weights = robust_weights(distances / sigma, loss)[0] * views.used
+        before = state
+        state, equations = minimise(model, views, state, weights)
+        change = state.shared - before.shared
+        if change @ equations.eliminated()[0] @ change <= (SMALL_ROUND * sigma) ** 2:
+            return state, weights, _robust_variance(model, views, state, sigma, loss)
+    raise CalibrationError(
+        f"the {loss} loss found no minimum in {ROBUST_ROUNDS} rounds; look for views with many wrong corners"
+    )
+
+
+def robust_weights(scaled, loss):
+    r"""Weight w and slope w' r of the distances r in standard deviations; the influence is :math:`\psi = w r`."""
+    if loss == "huber":
+        weights = HUBER / np.maximum(scaled, HUBER)
+        return weights, np.where(scaled > HUBER, -weights, 0.0)
+    weights = 1 / (1 + (scaled / CAUCHY) ** 2)
+    return weights, -2 * (scaled / CAUCHY) ** 2 * weights**2
+
+
+def _robust_variance(model, views, state, sigma, loss):
+    r"""The s^2 with which :math:`s^2 (J^T J)^{-1}` is the covariance of M-estimation, px^2.
+
+    With the influence :math:`\psi(r) e / r` of a residual e of length r, and half the trace of its derivative
+    :math:`\psi_1 = (\psi' + \psi / r) / 2`, of n points and p parameters (Huber, Robust Statistics, 1981, Eq. 7.6.8),
+
+    .. math:: s^2 = K^2\, \frac{\sum \psi^2 / (2 n - p)}{(\sum \psi_1 / n)^2},
+        \qquad K = 1 + \frac{p}{2 n} \frac{\mathrm{var}\, \psi_1}{(\mathrm{mean}\, \psi_1)^2}.
+    """
+    distances = np.hypot(*np.moveaxis(evaluate(model, views, state)[0], -1, 0))[views.used > 0]
+    weights, slopes = robust_weights(distances / sigma, loss)
+    derivative = weights + slopes / 2
+    count, unknowns = 2 * len(distances), len(model.names) + 6 * len(views.used)
+    correction = 1 + unknowns / count * derivative.var() / derivative.mean() ** 2
+    return correction**2 * np.sum((weights * distances) ** 2) / (count - unknowns) / derivative.mean() ** 2
+
+
+def covariance_of(model, views, state, equations, variance):
+    """Covariance of all parameters as a labelled table, translations being those of the objects' own origins.
+
+    `equations` are without weights, `variance` is that of a coordinate, px^2.
+    """
+    values, directions, moved = equations.directions()
+    if not values[0] > LEAST_INFORMATION:
+        number = np.count_nonzero(~(values > LEAST_INFORMATION))
+        raise CalibrationError(_undetermined(model.names, directions[:number], moved))
+    by_shared = equations.eliminated()[1]
+    v, _, k = by_shared.shape
+    scale = np.sqrt(np.diagonal(equations.a))
+    shared = (directions.T / values @ directions) / np.outer(scale, scale)
+    to_origin = np.zeros((v, 6, 6))  # the origin's shift is the centroid's less the turn times the way between them
+    to_origin[:, range(6), range(6)] = 1
+    x, y, z = np.einsum("vij,vj->iv", state.rotations, views.centroids)
+    to_origin[:, 3, 1], to_origin[:, 4, 0], to_origin[:, 5, 0] = -z, z, -y
+    to_origin[:, 3, 2], to_origin[:, 4, 2], to_origin[:, 5, 1] = y, -x, x
+    by_shared = (to_origin @ by_shared).reshape(6 * v, k)
+    own = to_origin @ np.linalg.inv(equations.c) @ to_origin.transpose(0, 2, 1)
+    whole = np.empty((k + 6 * v, k + 6 * v))
+    whole[:k, :k] = shared
+    whole[k:, :k] = -by_shared @ shared
+    whole[:k, k:] = whole[k:, :k].T
+    whole[k:, k:] = by_shared @ shared @ by_shared.T
+    poses = whole[k:, k:].reshape(v, 6, v, 6)
+    poses[range(v), :, range(v), :] += own
+    names = model.names + pose_names(v)
+    return pd.DataFrame(variance * whole, names, names)
+
+
+def _undetermined(names, directions, poses):
+    """What can change without moving a point, in words; `poses` (V, 6, number) are the poses' changes along with it."""
+    found = [in_words(names, direction, poses[:, :, k]) for k, direction in enumerate(directions)]
+    return (
+        f"the views do not determine all of {', '.join(names)}: {'; '.join(found)}; what trades off can change "
+        "together without moving a point; add views of other tilts (about 30 deg)"
+    )
+
+
+def in_words(names, direction, poses):
+    """Names of the parameters that change along a direction, and T_z if the poses shift along it."""
+    free = [name for name, part in zip(names, direction, strict=True) if abs(part) > 0.1 * np.abs(direction).max()]
+    shifts = np.abs(poses[:, 3:]).max(axis=0)
+    along_axis = ["T_z"] if shifts[2] > 0.1 * shifts.max() and shifts.max() > 0 else []
+    return f"{' and '.join(free + along_axis)} trade off"

@@ -1,0 +1,112 @@
+"""Opening the notebooks in JupyterLab, so that running and saving them leaves the project's results as they are.
+
+What notebooks write goes to a scratch folder, nothing is saved unless one saves, and a saved notebook is stored
+without what belongs to one session (`running.clean_before_save`).  A notebook that was changed is restored from git.
+
+Like ``__main__.py`` this file has to run on a bare Python: it imports the standard library only.
+"""
+
+import fnmatch
+import os
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+from .environment import CHECKOUT
+
+SETTINGS = Path(__file__).with_name("lab_settings")
+"""JupyterLab's settings where a user has none of their own: no autosave, no pop-up that asks for news."""
+
+SCRATCH = ("notebooks", "scratch")
+WRITTEN = ("figures", "data/results")  # what notebooks write, below the folder that PEGPOSE_OUTPUT names
+
+
+def scratch_folder(checkout=CHECKOUT):
+    """Return a folder for what notebooks write, with fresh copies of the known results and no figures.
+
+    It is ``notebooks/scratch``, which git ignores and which stays until the next start; a folder of the system
+    for temporary files where the checkout cannot be written.
+    """
+    folder = Path(checkout, *SCRATCH)
+    try:
+        folder.mkdir(exist_ok=True)
+        _fill(folder, checkout)
+    except OSError:
+        folder = Path(tempfile.mkdtemp(prefix="pegpose_lab_"))
+        _fill(folder, checkout)
+    return folder
+
+
+def _fill(folder, checkout):
+    """Make the two folders anew: what an older version of the notebooks wrote would be read as theirs."""
+    for name in WRITTEN:
+        shutil.rmtree(folder / name, ignore_errors=True)
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    for path in Path(checkout, "data", "results").glob("*.csv"):
+        shutil.copyfile(path, folder / "data" / "results" / path.name)
+
+
+def jupyterlab_arguments(options, checkout=CHECKOUT):
+    """The command line of JupyterLab, from the options of ``lab``; what stands after ``--`` comes last and wins."""
+    arguments = [
+        f"--ServerApp.root_dir={checkout}",
+        "--LabApp.default_url=/lab/tree/notebooks",
+        f"--LabApp.app_settings_dir={SETTINGS}",
+        "--ContentsManager.pre_save_hook=pegpose_lab.running.clean_before_save",
+    ]
+    given = {"no-browser": options.no_browser, "allow-root": options.allow_root}
+    arguments += [f"--{name}" for name, wanted in given.items() if wanted]
+    arguments += [f"--{name}={value}" for name, value in (("ip", options.ip), ("port", options.port)) if value is not None]
+    return arguments + options.extra
+
+
+def root_refused(options):
+    """Return whether JupyterLab would refuse to start, because root runs it and does not say that this is meant."""
+    is_root = getattr(os, "geteuid", lambda: 1)() == 0
+    return is_root and not options.allow_root and "--allow-root" not in options.extra
+
+
+def restore(patterns, checkout=CHECKOUT):
+    """Set notebooks back to git's last commit; return the names of those that had been changed.
+
+    Parameters
+    ----------
+    patterns : list of str
+        Names, beginnings of names (``03``) or patterns; a deleted notebook is found, too.
+    checkout : Path
+
+    Raises
+    ------
+    SystemExit
+        If git is missing, the checkout is none of git's, or no notebook has such a name; nothing is then changed.
+    """
+    known = _git(checkout, "ls-tree", "-z", "--name-only", "HEAD", "notebooks/").split("\0")
+    paths = set()
+    for pattern in patterns:
+        paths |= set(choose([path for path in known if path.endswith(".ipynb")], pattern))
+    changed = _git(checkout, "diff", "-z", "--name-only", "HEAD", "--relative", "--", *sorted(paths)).split("\0")
+    changed = sorted(path for path in changed if path)
+    if changed:
+        _git(checkout, "checkout", "HEAD", "--", *changed)
+    return changed
+
+
+def choose(notebooks, pattern):
+    """The paths of notebooks whose names begin with a pattern; SystemExit, naming them all, if there is none."""
+    found = [path for path in notebooks if fnmatch.fnmatch(Path(path).stem, Path(pattern).stem + "*")]
+    if not found:
+        names = ", ".join(Path(path).stem for path in notebooks)
+        raise SystemExit(f"No notebook's name begins with {pattern!r}; there are: {names or 'none'}.")
+    return found
+
+
+def _git(checkout, *arguments):
+    """What a git command prints about the checkout."""
+    if not shutil.which("git"):
+        raise SystemExit("Notebooks are restored from git, and git is not installed: install it, or unpack the project anew.")
+    run = subprocess.run(["git", "-C", str(checkout), *arguments], capture_output=True)
+    if run.returncode:
+        said = os.fsdecode(run.stderr).strip()
+        raise SystemExit(f"Notebooks are restored from git, and {checkout} is not in order for it: git says {said!r}.")
+    return os.fsdecode(run.stdout)

@@ -1,0 +1,61 @@
+"""A lens model fitted to all views: from the start to the covariance; what it is worth others judge (`joint`, `misfit`)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from .bundle import SMALLEST_RMS, Equations, State, Views, covariance_of, evaluate, minimise, minimise_robust
+from .checks import CalibrationError
+from .starts import find_start
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The least squares of a model: the state at the minimum, its equations without weights, and what follows.
+
+    `weights` are 1 where there is a point, or those of a robust loss; `variance` is that of a coordinate, px^2.
+    """
+
+    model: object
+    views: Views
+    state: State
+    equations: object
+    weights: np.ndarray
+    variance: float
+    freedom: int
+    covariance: pd.DataFrame
+
+    @property
+    def squares(self):
+        """Sum of the squared residuals, px^2; with a robust loss that of `pseudo_residuals`."""
+        return self.variance * self.freedom
+
+
+def fit_views(model, object_points, image_points, loss="linear"):
+    """Minimise; not yet judged."""
+    views = Views.stack(object_points, image_points)
+    _demand_freedom(model, views)
+    state = find_start(model, views, object_points, image_points)
+    state = minimise(model, views, state, views.used)[0]
+    if loss == "linear":
+        return fit_at(model, views, state)
+    return fit_at(model, views, *minimise_robust(model, views, state, loss))
+
+
+def fit_at(model, views, state, weights=None, variance=None):
+    """The `Fit` of a state that is a minimum; the variance is that of the residuals if it is not given."""
+    freedom = _demand_freedom(model, views)
+    equations = Equations.of(*evaluate(model, views, state), views.used)
+    if variance is None:
+        weights, variance = views.used, max(equations.cost / freedom, SMALLEST_RMS**2)
+    covariance = covariance_of(model, views, state, equations, variance)
+    return Fit(model, views, state, equations, weights, variance, freedom, covariance)
+
+
+def _demand_freedom(model, views):
+    """The degrees of freedom, refused if there are none."""
+    count, unknowns = 2 * int(views.used.sum()), len(model.names) + 6 * len(views.used)
+    if count <= unknowns:
+        raise CalibrationError(f"{count} coordinates cannot determine {unknowns} parameters; add points or views")
+    return count - unknowns

@@ -1,0 +1,166 @@
+"""Lens models for least squares: their parameters, the camera they make, and the projection with its derivatives."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from .camera import OpenCVCamera, distort_radius, max_undistorted_radius
+
+COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
+"""OpenCV's distortion coefficients in OpenCV's order."""
+
+
+def lens_model(camera, free_center, two_focal_lengths, coefficients):
+    """The model of these options of `calibrate_joint`; ValueError if there are no such coefficients."""
+    if coefficients is None:
+        return TsaiModel(camera, free_center, two_focal_lengths)
+    coefficients = tuple(coefficients) if np.iterable(coefficients) else (coefficients,)
+    if set(coefficients) - set(COEFFICIENTS) or len(set(coefficients)) < len(coefficients):
+        raise ValueError(f"coefficients is {coefficients}; expected each once, of {', '.join(COEFFICIENTS)}")
+    return OpenCVModel(camera, free_center, two_focal_lengths, coefficients)
+
+
+class TsaiModel:
+    """The paper's camera: f, (scale_x), kappa1, (c_x, c_y)."""
+
+    unit = "mm"
+    """Of f, the first parameter."""
+
+    def __init__(self, camera, free_center, two_focal_lengths):
+        self.start_camera, self.free_center, self.two = camera, free_center, two_focal_lengths
+        self.coefficient_names = None
+        free = [True, two_focal_lengths, True, free_center, free_center]
+        self.names = [name for name, kept in zip(("focal_length", "scale_x", "kappa1", "c_x", "c_y"), free) if kept]
+        self.columns = np.flatnonzero(free)
+
+    def start(self, focal_length):
+        values = [focal_length, self.start_camera.scale_x, 0.0, *self.start_camera.principal_point]
+        return np.array(values)[self.columns]
+
+    def _values(self, shared):
+        values = [self.start_camera.focal_length, self.start_camera.scale_x, 0.0, *self.start_camera.principal_point]
+        for column, value in zip(self.columns, shared, strict=True):
+            values[column] = value
+        return values
+
+    def camera(self, shared):
+        focal_length, scale_x, kappa1, *center = self._values(shared)
+        return replace(
+            self.start_camera, focal_length=focal_length, scale_x=scale_x, kappa1=kappa1, principal_point=tuple(center)
+        )
+
+    def project(self, shared, points):
+        r"""Image points (n, 2) of points in the camera frame, and derivatives by the parameters and by the point.
+
+        None where a point has no image.  With :math:`h = 1 / (1 + \kappa_1 r_d^2)` and
+        :math:`s = 1 + 3 \kappa_1 r_d^2`, Eq. 3 solved for :math:`x_d = h x_u` has
+        :math:`dx_d/dx_u = h I - (2 \kappa_1 h^3 / s) x_u x_u^T` and
+        :math:`dx_d/d\kappa_1 = -(h r_d^2 / s) x_u`.
+        """
+        if min(self._values(shared)[:2]) <= 0 or points[:, 2].min() <= 0:
+            return None
+        camera = self.camera(shared)
+        x_u = camera.focal_length / points[:, 2:] * points[:, :2]
+        radius = np.hypot(*x_u.T)
+        if radius.max() > max_undistorted_radius(camera.kappa1):
+            return None
+        squared = distort_radius(radius, camera.kappa1)[:, None] ** 2
+        h, s = 1 / (1 + camera.kappa1 * squared), 1 + 3 * camera.kappa1 * squared
+        if s.min() <= 0:
+            return None
+        scale = camera.pixels_per_mm
+        by_x_u = (-2 * camera.kappa1 * h**3 / s)[:, :, None] * x_u[:, :, None] * x_u[:, None, :]
+        by_x_u[:, (0, 1), (0, 1)] += h
+        by_x_u *= scale[:, None]
+        x_d = h * x_u
+        by_shared = np.zeros((len(points), 2, 5))
+        by_shared[:, :, 0] = (by_x_u @ x_u[:, :, None])[:, :, 0] / camera.focal_length
+        by_shared[:, 0, 1] = x_d[:, 0] * scale[0] / camera.scale_x
+        by_shared[:, :, 2] = scale * (-h * squared / s) * x_u
+        by_shared[:, 0, 3] = by_shared[:, 1, 4] = 1
+        by_point = derivative_by_point(by_x_u, x_u, camera.focal_length, points)
+        return camera.to_image(x_d), by_shared[:, :, self.columns], by_point
+
+
+class OpenCVModel:
+    """OpenCV's camera: f_x, (f_y), (c_x, c_y) and coefficients that distort."""
+
+    unit = "px"
+
+    def __init__(self, camera, free_center, two_focal_lengths, coefficients):
+        self.start_camera, self.two, self.free_center = camera, two_focal_lengths, free_center
+        self.aspect = camera.pixels_per_mm[1] / camera.pixels_per_mm[0]
+        self.coefficient_names = tuple(coefficients)
+        self.coefficients = [COEFFICIENTS.index(name) for name in coefficients]
+        self.names = ["f_x", *["f_y"] * two_focal_lengths, *("c_x", "c_y") * free_center, *coefficients]
+
+    def start(self, focal_length):
+        f_x, f_y = focal_length * self.start_camera.pixels_per_mm
+        center = self.start_camera.principal_point if self.free_center else ()
+        return np.array([f_x, *[f_y] * self.two, *center, *[0.0] * len(self.coefficients)])
+
+    def _split(self, shared):
+        """f_x and f_y, the principal point, and all five coefficients."""
+        shared, coefficients = list(shared), np.zeros(5)
+        f_x = shared.pop(0)
+        f_y = shared.pop(0) if self.two else f_x * self.aspect
+        center = (shared.pop(0), shared.pop(0)) if self.free_center else self.start_camera.principal_point
+        coefficients[self.coefficients] = shared
+        return np.array([f_x, f_y]), np.array(center), coefficients
+
+    def camera(self, shared):
+        focal, center, coefficients = self._split(shared)
+        matrix = np.diag([*focal, 1.0])
+        matrix[:2, 2] = center
+        return OpenCVCamera(matrix, coefficients, self.start_camera.image_size)
+
+    def project(self, shared, points):
+        """As `TsaiModel.project`."""
+        focal, center, (k1, k2, p1, p2, k3) = self._split(shared)
+        if focal.min() <= 0 or points[:, 2].min() <= 0:
+            return None
+        x, y = normalized = points[:, :2].T / points[:, 2]
+        r2 = x * x + y * y
+        radial, slope = 1 + r2 * (k1 + r2 * (k2 + r2 * k3)), k1 + r2 * (2 * k2 + r2 * 3 * k3)
+        x_d = radial * x + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+        y_d = radial * y + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+        mixed = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+        by_normalized = np.empty((len(points), 2, 2))
+        by_normalized[:, 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+        by_normalized[:, 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+        by_normalized[:, 0, 1] = by_normalized[:, 1, 0] = mixed
+        by_coefficients = np.stack([
+            [x * r2, x * r2**2, 2 * x * y, r2 + 2 * x * x, x * r2**3],
+            [y * r2, y * r2**2, r2 + 2 * y * y, 2 * x * y, y * r2**3],
+        ]).transpose(2, 0, 1)[:, :, self.coefficients]
+        by_focal = np.zeros((len(points), 2, 2))
+        by_focal[:, 0, 0], by_focal[:, 1, 1] = x_d, y_d
+        if not self.two:
+            by_focal = by_focal @ np.array([[1.0], [self.aspect]])
+        by_center = np.broadcast_to(np.eye(2), (len(points), 2, 2))[:, :, : 2 * self.free_center]
+        by_shared = np.concatenate([by_focal, by_center, by_coefficients * focal[:, None]], axis=2)
+        by_point = derivative_by_point(by_normalized * focal[:, None], normalized.T, 1.0, points)
+        return np.column_stack([x_d, y_d]) * focal + center, by_shared, by_point
+
+
+class GivenFocalLength:
+    """One of the models without its first parameter, f or f_x."""
+
+    def __init__(self, model, focal_length):
+        self.model, self.focal_length, self.names = model, focal_length, model.names[1:]
+
+    def project(self, shared, points):
+        """As `TsaiModel.project`."""
+        projection = self.model.project([self.focal_length, *shared], points)
+        if projection is None:
+            return None
+        image, by_shared, by_point = projection
+        return image, by_shared[:, :, 1:], by_point
+
+
+def derivative_by_point(by_x_u, x_u, focal_length, points):
+    """Derivatives (n, 2, 3) by the point in the camera frame, from those by x_u = f (x, y) / z."""
+    by_point = np.empty((len(points), 2, 3))
+    by_point[:, :, :2] = focal_length * by_x_u
+    by_point[:, :, 2] = -(by_x_u @ x_u[:, :, None])[:, :, 0]
+    return by_point / points[:, 2, None, None]

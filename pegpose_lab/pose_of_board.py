@@ -1,0 +1,148 @@
+"""Pose of one object through a known camera (PnP): least squares over its image points, and the second answer of a plane.
+
+A plane that is small or far is seen with hardly any perspective, and then two tilts, mirror images in the line of sight,
+explain its image nearly as well: the sum of squares has two minima, and noise can make the wrong one the lower.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from .bundle import State, Views, descend, evaluate
+from .camera import OpenCVCamera, TsaiCamera
+from .checks import CalibrationError, as_views, undetermined_if_singular
+from .lens_models import TsaiModel, derivative_by_point
+from .planes import is_planar, plane_rotation
+from .starts import demand_order, pnp
+
+SAME_POSE = 1e-3
+"""rad: minima that are turned by less from each other are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardPose:
+    """A pose that explains the image better than all poses near it.
+
+    Attributes
+    ----------
+    cam_from_object : RigidTransform
+    rms : float
+        Root of the mean squared distance of projected and measured points, px.
+    """
+
+    cam_from_object: RigidTransform
+    rms: float
+
+
+def board_pose(object_points, image_points, camera):
+    """Pose of one object through a known camera: least squares over the image points.
+
+    Parameters
+    ----------
+    object_points : (n, 3) array_like
+        mm, n >= 4; of a plane, or not.
+    image_points : (n, 2) array_like
+        px.
+    camera : TsaiCamera or OpenCVCamera
+
+    Returns
+    -------
+    RigidTransform
+        cam_from_object, the better one where there are two (`board_poses` gives both).
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable, or points lie on a line: any turn about it is possible.
+    CalibrationError
+        If no pose sees all points in front of the camera, or a plane's points are not in the order of the image's.
+    """
+    return board_poses(object_points, image_points, camera)[0].cam_from_object
+
+
+@undetermined_if_singular()
+def board_poses(object_points, image_points, camera):
+    """The one or two poses of an object through a known camera that are minima of the least squares, best first.
+
+    Of a plane there are two where its perspective is weak.  With noise of s px per axis, the second is as likely as the
+    first where n times the difference of their squared rms is not much above 2 s^2.
+
+    Parameters
+    ----------
+    object_points, image_points, camera
+        As for `board_pose`.
+
+    Returns
+    -------
+    list of BoardPose
+
+    Raises
+    ------
+    ValueError, CalibrationError
+        As `board_pose`.
+    """
+    (object_points,), (image_points,) = as_views([object_points], [image_points], 4)
+    if not isinstance(camera, (TsaiCamera, OpenCVCamera)):
+        raise ValueError(f"camera is {type(camera).__name__}; expected a TsaiCamera or an OpenCVCamera")
+    demand_order([object_points], [image_points])
+    views = Views.stack([object_points], [image_points])
+    start = pnp(object_points, camera.to_normalized(image_points), np.eye(3))
+    state = State(np.zeros(0), start.rotation.as_matrix()[None], start.apply(views.centroids))
+    found = [minimum for minimum in [_minimum(camera, views, state)] if minimum]
+    if is_planar(object_points):
+        mirrored = _mirrored(found[0][1] if found else state, plane_rotation(object_points))
+        other = _minimum(camera, views, mirrored)
+        if other and not (found and _turn_between(found[0][1], other[1]) < SAME_POSE):
+            found.append(other)
+    if not found:
+        raise CalibrationError("no pose sees all points in front of the camera; check that both lists are in one order")
+    found.sort(key=lambda minimum: minimum[0])
+    return [BoardPose(state.poses(views)[0], float(np.sqrt(cost / len(object_points)))) for cost, state in found]
+
+
+def _minimum(camera, views, state):
+    """The sum of squares and the state at the minimum that a start leads to; None if a point gets no image."""
+    model = _KnownCamera(camera)
+    if evaluate(model, views, state) is None:
+        return None
+    state, equations, _ = descend(model, views, state, views.used)
+    return equations.cost, state
+
+
+def _mirrored(state, plane):
+    """The state with the plane's normal mirrored in the line of sight to the points' centroid."""
+    sight = state.positions[0] / np.linalg.norm(state.positions[0])
+    normal = state.rotations[0] @ plane[2]
+    cross = np.cross(normal, sight)
+    sine = np.linalg.norm(cross)
+    angle = 2 * np.arctan2(sine, normal @ sight)  # the mirrored normal lies as far beyond the line of sight
+    turn = Rotation.from_rotvec(cross * (angle / sine if sine > 0 else 0.0))
+    return State(state.shared, turn.as_matrix() @ state.rotations, state.positions)
+
+
+def _turn_between(first, second):
+    """Angle between two states' rotations, rad."""
+    return Rotation.from_matrix(first.rotations[0].T @ second.rotations[0]).magnitude()
+
+
+class _KnownCamera:
+    """A camera of which nothing is free, as a lens model."""
+
+    names = []
+
+    def __init__(self, camera):
+        self.camera = camera
+        self.tsai = TsaiModel(camera, False, False) if isinstance(camera, TsaiCamera) else None
+
+    def project(self, shared, points):
+        """As `TsaiModel.project`."""
+        nothing = np.zeros((len(points), 2, 0))
+        if self.tsai:
+            projection = self.tsai.project(np.array([self.camera.focal_length, self.camera.kappa1]), points)
+            return projection and (projection[0], nothing, projection[2])
+        if points[:, 2].min() <= 0:
+            return None
+        normalized = points[:, :2] / points[:, 2:]
+        image, by_normalized = self.camera.image_and_derivative(normalized)
+        return image, nothing, derivative_by_point(by_normalized, normalized, 1.0, points)

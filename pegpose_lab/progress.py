@@ -1,0 +1,88 @@
+"""How far an installation is: what pip or uv says, counted and shown in one line.
+
+Like `environment` this file has to run on a bare Python: it imports the standard library only.
+"""
+
+import re
+import subprocess
+import sys
+import threading
+import time
+
+INTERVAL = 10.0  # s between two lines where a line cannot be written over
+LAST_LINES = 20  # of what the installer said, shown if it fails
+
+_FETCHED = re.compile(r"\s*(?:Collecting|Processing|Requirement already satisfied:|Downloaded|Built) ")
+_PREPARED = re.compile(r"Prepared (\d+) packages? ")
+_RESOLVED = re.compile(r"Resolved (\d+) packages? ")
+
+
+class Count:
+    """Packages fetched, of how many, from the lines of pip or uv."""
+
+    def __init__(self, total):
+        self.total = total  # pins of all systems; the installer says how many of them are for this one
+        self.fetched = 0
+
+    def read(self, line):
+        """Take in one line."""
+        resolved, prepared = _RESOLVED.match(line), _PREPARED.match(line)
+        if resolved:
+            self.total = int(resolved.group(1))
+        elif prepared:
+            self.fetched = int(prepared.group(1))
+        elif line.startswith("Ignoring "):
+            self.total -= 1
+        elif _FETCHED.match(line):
+            self.fetched = min(self.fetched + 1, self.total)
+
+
+def run(command, folder, total):
+    """Run an installer, show how many packages are fetched and installed; return its exit code.
+
+    Parameters
+    ----------
+    command : list
+    folder : Path
+        Where the packages go: an installed one has a ``.dist-info`` there.
+    total : int
+        Packages to be installed.
+    """
+    count, lines = Count(total), []
+    before = _installed(folder)
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace"
+    )
+    with process:
+        done = threading.Event()
+        shower = threading.Thread(target=_show, args=(count, folder, before, done), daemon=True)
+        shower.start()
+        try:
+            for line in process.stdout:
+                lines.append(line)
+                count.read(line)
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            done.set()
+            shower.join()
+    if process.returncode:
+        print("".join(lines[-LAST_LINES:]), file=sys.stderr, flush=True)
+    return process.returncode
+
+
+def _show(count, folder, before, done):
+    """Show the count until it is done: in one line on a terminal, else in a line now and then."""
+    terminal, start = sys.stdout.isatty(), time.monotonic()
+    while not done.wait(0.5 if terminal else INTERVAL):
+        installed = max(0, _installed(folder) - before)
+        text = f"  {count.fetched} of {count.total} packages fetched, {installed} installed, {time.monotonic() - start:.0f} s"
+        print(f"\r{text}" if terminal else text, end="" if terminal else "\n", flush=True)
+    if terminal:
+        print("\r\x1b[K", end="", flush=True)
+
+
+def _installed(folder):
+    """How many packages are in a folder."""
+    return sum(1 for _ in folder.glob("*.dist-info"))

@@ -1,0 +1,175 @@
+"""Where least squares of several views start: homographies and Zhang's constraints on f, or the linear stage 1."""
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from .bundle import State, Views, evaluate
+from .camera import UNKNOWN_SIZE
+from .checks import CalibrationError, outside
+from .planes import is_planar, plane_rotation
+from .tsai import solve_coplanar, solve_noncoplanar
+
+
+DISORDER = 0.25
+"""Residual of a plane's homography, in units of the points' spread per axis, above which their order is wrong: wrong
+orders leave 0.3 to 0.8, lenses of any distortion at most 0.07 and noise of a fifth of a square 0.2."""
+
+
+def demand_views(object_points, image_points, image_size):
+    """Refuse views whose points all lie outside of the image (where its size is known), or are in another order.
+
+    Raises
+    ------
+    ValueError
+        If all points of a view are outside; some are flagged (`calibration.judge_image_size`).
+    CalibrationError
+        See `demand_order`.
+    """
+    for view, points in enumerate(image_points if tuple(image_size) != UNKNOWN_SIZE else ()):
+        if outside(points, image_size).all():
+            (left, top), (right, bottom) = points.min(axis=0), points.max(axis=0)
+            raise ValueError(
+                f"image_points{f'[{view}]' * (len(image_points) > 1)} reach from ({left:.1f}, {top:.1f}) to ({right:.1f}, "
+                f"{bottom:.1f}) px, all outside of the image of width {image_size[0]} and height {image_size[1]} px; check "
+                "image_size, and that image_points are of this camera"
+            )
+    demand_order(object_points, image_points)
+
+
+def demand_order(object_points, image_points):
+    """Refuse planes of which the image points are no perspective image, not even roughly: their order is wrong.
+
+    Raises
+    ------
+    CalibrationError
+        With the views, counted from 0.
+    """
+    planar = [view for view, points in enumerate(object_points) if is_planar(points)]
+    if not planar:
+        return
+    views = Views.stack(*([points[view] for view in planar] for points in (object_points, image_points)))
+    planes = plane_rotations([object_points[view] for view in planar])
+    left = _linear_homographies(views, planes, views.image)[1]
+    wrong = [view for view, residual in zip(planar, left, strict=True) if residual > DISORDER]
+    if wrong:
+        which = "" if len(object_points) == 1 else f" of view{'s' * (len(wrong) > 1)} {', '.join(map(str, wrong))}"
+        raise CalibrationError(
+            f"the image points{which} are no image of the plane (a homography misses them by "
+            f"{100 * max(left):.0f} % of their spread): they are not in the order of object_points; check the order, and "
+            "that the board's columns and rows are not mixed up"
+        )
+
+
+def find_start(model, views, object_points, image_points):
+    """Where to start: from homographies if the views are of planes and these give an f, else from stage 1."""
+    camera = model.start_camera
+    matrix, focal_length = np.diag([*camera.pixels_per_mm, 1.0]), None
+    matrix[:2, 2] = camera.principal_point
+    if all(is_planar(points) for points in object_points):
+        planes = plane_rotations(object_points)
+        sensor = homographies_of(views, planes, camera)
+        focal_length = focal_length_of(sensor)
+    if focal_length is not None:
+        rotations, positions = poses_of(sensor, planes, focal_length)
+        state = State(model.start(focal_length), rotations, positions)
+        if evaluate(model, views, state) is not None:
+            return state
+    focal_length = _linear_focal_length(object_points, image_points, camera)
+    matrix = matrix @ np.diag([focal_length, focal_length, 1.0])
+    poses = [
+        pnp(points - centroid, measured, matrix)
+        for points, measured, centroid in zip(object_points, image_points, views.centroids, strict=True)
+    ]
+    rotations = np.array([pose.rotation.as_matrix() for pose in poses])
+    return State(model.start(focal_length), rotations, np.array([pose.translation for pose in poses]))
+
+
+def plane_rotations(object_points):
+    """Rotations (V, 3, 3) of the objects' frames into those of the planes through their points."""
+    return np.array([plane_rotation(points) for points in object_points])
+
+
+def homographies_of(views, planes, camera):
+    """Homographies (V, 3, 3) from the planes (see `plane_rotations`), with the origin at the points' centroid, to the
+    sensor, mm, by the normalised direct linear transform."""
+    return _linear_homographies(views, planes, (views.image - camera.principal_point) / camera.pixels_per_mm)[0]
+
+
+def _linear_homographies(views, planes, target):
+    """Homographies (V, 3, 3) from planes to target points (V, m, 2), and the residual of each per point and axis, in
+    units of the target points' spread per axis."""
+    in_plane = views.points @ planes.transpose(0, 2, 1)
+    source, from_plane = _normalised(in_plane[:, :, :2], views.used)
+    target, from_target = _normalised(target, views.used)
+    ones, zeros = views.used[:, :, None], np.zeros_like(source[:, :, :1])
+    rows = np.concatenate([source, ones, zeros, zeros, zeros], axis=2)
+    other = np.concatenate([zeros, zeros, zeros, source, ones], axis=2)
+    plane = np.concatenate([source, ones], axis=2)
+    design = np.concatenate(
+        [
+            np.concatenate([rows, -target[:, :, :1] * plane], axis=2),
+            np.concatenate([other, -target[:, :, 1:] * plane], axis=2),
+        ],
+        axis=1,
+    )
+    values, vectors = np.linalg.eigh(design.transpose(0, 2, 1) @ design)
+    left = np.sqrt(np.maximum(values[:, 0], 0) / views.used.sum(axis=1))
+    return np.linalg.inv(from_target) @ vectors[:, :, 0].reshape(-1, 3, 3) @ from_plane, left
+
+
+def _normalised(points, used):
+    """Points with mean 0 and mean square 2, zero where unused, and the matrices (V, 3, 3) that make them so."""
+    count = used.sum(axis=1)
+    mean = (points * used[:, :, None]).sum(axis=1) / count[:, None]
+    points = (points - mean[:, None]) * used[:, :, None]
+    scale = np.sqrt(2 * count / np.maximum((points**2).sum(axis=(1, 2)), 1e-300))
+    matrix = np.zeros((len(points), 3, 3))
+    matrix[:, 0, 0] = matrix[:, 1, 1] = scale
+    matrix[:, :2, 2], matrix[:, 2, 2] = -scale[:, None] * mean, 1
+    return points * scale[:, None, None], matrix
+
+
+def focal_length_of(homographies):
+    """f, mm, by least squares over Zhang's two constraints of each view, or None: the columns h1, h2 of
+    diag(1/f, 1/f, 1) H are orthogonal and of one length."""
+    h1, h2 = (homographies / np.linalg.norm(homographies, axis=(1, 2), keepdims=True)).transpose(2, 0, 1)[:2]
+    lateral = np.concatenate([h1[:, :2] * h2[:, :2], (h1[:, :2] ** 2 - h2[:, :2] ** 2) / 2]).sum(axis=1)
+    axial = np.concatenate([h1[:, 2] * h2[:, 2], (h1[:, 2] ** 2 - h2[:, 2] ** 2) / 2])
+    inverse_square = -(lateral @ axial) / max(lateral @ lateral, 1e-300)
+    return inverse_square**-0.5 if inverse_square > 0 else None
+
+
+def poses_of(homographies, planes, focal_length):
+    """Rotations (V, 3, 3) of the objects and positions (V, 3) of their centroids, from the planes' homographies."""
+    columns = np.diag([1 / focal_length, 1 / focal_length, 1.0]) @ homographies
+    scale = (np.linalg.norm(columns[:, :, 0], axis=1) + np.linalg.norm(columns[:, :, 1], axis=1)) / 2
+    columns = columns * (np.sign(columns[:, 2, 2]) / scale)[:, None, None]
+    third = np.cross(columns[:, :, 0], columns[:, :, 1])
+    left, _, right = np.linalg.svd(np.stack([columns[:, :, 0], columns[:, :, 1], third], axis=2))
+    return left @ right @ planes, columns[:, :, 2]
+
+
+def _linear_focal_length(object_points, image_points, camera):
+    """f, mm, of the view whose stage 1 has the smallest relative sigma of f."""
+    found, reasons = [], []
+    for points, measured in zip(object_points, image_points, strict=True):
+        solve = solve_coplanar if is_planar(points) else solve_noncoplanar
+        try:
+            solution = solve(points, camera.to_sensor(measured))
+            found.append((solution.focal_length_sigma / solution.focal_length, solution.focal_length))
+        except CalibrationError as error:
+            reasons.append(str(error))
+    if not found:
+        raise CalibrationError(f"none of {len(object_points)} views determines f; of the first: {reasons[0]}")
+    return min(found)[1]
+
+
+def pnp(object_points, image_points, camera_matrix):
+    """Pose of one view through an undistorted camera, by OpenCV."""
+    found, rotation, translation = cv2.solvePnP(
+        object_points, image_points, camera_matrix, None, flags=cv2.SOLVEPNP_SQPNP
+    )
+    if not found or not np.isfinite([rotation, translation]).all():
+        raise CalibrationError("OpenCV finds no pose for a view; check the order of its points")
+    return RigidTransform.from_components(translation.ravel(), Rotation.from_rotvec(rotation.ravel()))
