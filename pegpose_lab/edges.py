@@ -464,7 +464,8 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
 
     With w = S (X - c), S = diag(e^-m, e^m) R^T, the ellipse is |w| = r; the distance is
     (r - |w|) / |S^T w / |w||, exact for circles and in error by (d^2/r) O(m^2) for ellipses.  Two more rows, if
-    `extra` is 2: the distance, and the distance times Phi.  All in float32; Phi from a table.
+    `extra` is 2: the distance, and the distance times Phi.  All in float32; Phi and its derivative from
+    tables, which every processor reads alike.
     """
     column = np.stack(
         [
@@ -492,7 +493,9 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
     inverse = 1 / np.sqrt(np.maximum(gx * gx + gy * gy, np.float32(0.01) * norm * norm))
     steep = inverse * norm  # 1 / |gradient of |w||
     z = (r - norm) * (steep * per_s) - bend * steep * steep * steep
-    density = np.exp(np.float32(-0.5) * z * z) * (per_s * np.float32(1 / np.sqrt(2 * np.pi)))
+    cell = _cells(z)
+    density = _DENSITY.take(cell, mode="clip")
+    density *= per_s
     density *= pixels.used
     flat = density * inverse
     np.multiply(gx, flat, out=rows[:, 0])
@@ -502,7 +505,7 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
     np.multiply(u * v, 2 * flat, out=rows[:, 4])
     np.multiply(-density / per_s, z + (2 * bend) * (steep * steep * steep), out=rows[:, 5])
     rows[:, 6] = pixels.used
-    np.multiply(_normal_cdf(z), pixels.used, out=rows[:, 7])
+    np.multiply(_CDF.take(cell, mode="clip"), pixels.used, out=rows[:, 7])
     rows[:, 8] = pixels.values
     if extra:
         np.multiply(r - norm, steep * pixels.used, out=rows[:, 9])
@@ -510,12 +513,14 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
     return rows
 
 
-def _normal_cdf(z):
-    """Phi of float32 values by a table, to 1e-4."""
-    return _CDF.take((z * np.float32(1024) + np.float32(8 * 1024 + 0.5)).astype(np.int32), mode="clip")
+def _cells(z):
+    """Where the tables below hold float32 values."""
+    return (z * np.float32(1024) + np.float32(8 * 1024 + 0.5)).astype(np.int32)
 
 
-_CDF = ndtr(np.arange(-8 * 1024, 8 * 1024 + 1) / 1024).astype(np.float32)
+_TABULATED = np.arange(-8 * 1024, 8 * 1024 + 1) / 1024
+_CDF = ndtr(_TABULATED).astype(np.float32)
+_DENSITY = (np.exp(-0.5 * _TABULATED**2) / np.sqrt(2 * np.pi)).astype(np.float32)
 
 
 def _least_squares(pixels, ellipse, log_s):
@@ -549,7 +554,7 @@ def _gauss_newton(pixels, ellipse, log_s, small, most=MAX_STEPS):
         trial = ellipse.moved(*(fraction[:, None] * step[:, :5]).T)
         trial_s = np.clip(log_s + fraction * step[:, 5], -1.5, 2.0)
         rows = _ingredients(pixels, trial, trial_s)
-        parts = rows.reshape(n, 9, -1, pixels.chunk).swapaxes(1, 2)
+        parts = rows.astype(float).reshape(n, 9, -1, pixels.chunk).swapaxes(1, 2)
         found, combination, scale, new_step, new_gain, bad = _solve_rows(parts, trial, trial_s, count)
         if best is None:
             best, better = found, np.ones(n, bool)
@@ -565,7 +570,7 @@ def _gauss_newton(pixels, ellipse, log_s, small, most=MAX_STEPS):
         if last.any():
             best.update(last, _after_last_step(_rows(best, last), new_step[last], gain[last]))
         combination[last, :8] -= new_step[last] * scale[last]
-        rest = combination[better, None, None].astype(np.float32) @ parts[better]
+        rest = combination[better, None, None] @ parts[better]
         residuals[better] = rest.reshape(-1, residuals.shape[1])
         done |= last | singular
         if done.all():
@@ -605,7 +610,7 @@ def _solve_rows(parts, ellipse, log_s, count):
     """From `_ingredients` in chunks (n, c, 9, chunk): the solution; the residual as a linear combination (n, 9) of
     the ingredients; the next step (n, 8), how much it gains, and where it is undefined.
     """
-    moments = (parts @ parts.swapaxes(2, 3)).sum(axis=1, dtype=float)
+    moments = (parts @ parts.swapaxes(2, 3)).sum(axis=1)
     ones, mean, phi = moments[:, 6, 6], moments[:, 6, 7], moments[:, 7, 7]
     contrast = moments[:, 7, 8] - mean * moments[:, 6, 8] / ones
     contrast /= np.maximum(phi - mean**2 / ones, 1e-12)
@@ -953,8 +958,8 @@ def _common_normal(moments, levels, around, weights):
 def _sector_moments(pixels, ellipse, log_s, k):
     """Sums of products (n, k, 11, 11) of the rows of `_ingredients`, the distance and the distance times Phi."""
     many = _Ellipse(*(np.repeat(getattr(ellipse, name), k) for name in ("x", "y", "r", "m", "angle")))
-    rows = _ingredients(pixels, many, np.repeat(log_s, k), extra=2)
-    return (rows @ rows.transpose(0, 2, 1)).astype(float).reshape(-1, k, 11, 11)
+    rows = _ingredients(pixels, many, np.repeat(log_s, k), extra=2).astype(float)
+    return (rows @ rows.transpose(0, 2, 1)).reshape(-1, k, 11, 11)
 
 
 def _own_levels(moments, count, noise):
