@@ -55,6 +55,7 @@ def _reproduce(options):
     """Run the notebooks, move what they wrote into place, and compare it with the paper."""
     from pegpose_lab import running
 
+    _check_writable(options.output)
     notebooks = _choose(options.notebooks)
     try:
         running.reproduce(
@@ -69,6 +70,14 @@ def _reproduce(options):
         print(f"\n{error}\n\nNothing was written to {options.output}.", file=sys.stderr)
         return 1
     return _report(options)
+
+
+def _check_writable(folder):
+    """End now, in one sentence, if results cannot be written to a folder once they are there."""
+    place = next(path for path in (folder, *folder.parents) if path.exists())
+    if not place.is_dir() or not os.access(place, os.W_OK | os.X_OK):
+        why = "cannot be written" if place.is_dir() else "is no folder"
+        raise SystemExit(f"The results are to go to {folder}, and {place} {why}: name another folder with --output.")
 
 
 def _choose(patterns):
@@ -143,6 +152,8 @@ def _test_processors(names, extra):
 
 def _bench(options):
     """Measure circle detection beside its peers and its bound; a full run is written into place."""
+    if not options.quick:
+        _check_writable(options.output)
     environment.add_bench_packages()
     from pegpose_lab import bench, front_page, results
 
@@ -305,6 +316,8 @@ def main(arguments=None):
     if sys.version_info < OLDEST_PYTHON:
         wanted, found = (".".join(map(str, version[:2])) for version in (OLDEST_PYTHON, sys.version_info))
         raise SystemExit(f"pegpose_lab needs Python {wanted} or newer; this is Python {found} ({sys.executable}).")
+    for stream in (sys.stdout, sys.stderr):
+        stream.reconfigure(errors="backslashreplace")  # a path or a unit beyond the locale's letters is no error
     options = _parse(arguments)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # clean up as on Ctrl-C
     for name in DROPPED_VARIABLES:

@@ -77,8 +77,13 @@ def measure_corners():
     return [path.stem for path in paths], [LEFT_BOARD.object_points for _ in paths], image_points
 
 
+def _grey(path):
+    """The grey values of a photograph, None if it is no image; cv2.imread fails on some paths beyond ASCII (Windows)."""
+    return cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_GRAYSCALE)
+
+
 def _read(path):
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    image = _grey(path)
     if image is None or image.shape[::-1] != LEFT_SIZE:
         raise ValueError(f"{path} is no picture of {LEFT_SIZE[0]} x {LEFT_SIZE[1]} px; get an unchanged copy")
     return image
@@ -156,7 +161,7 @@ def count_circles():
     places, counts, missed = load_known().query("present == 1"), [], []
     for name, pattern, radii, polarity in SEARCHES:
         for path in sorted(dataset(name).glob(pattern)):
-            image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+            image = _grey(path)
             circles = find_circles(image, radii, polarity=polarity)
             known = places[(places["dataset"] == name) & (places["picture"] == path.name)]
             known = known[["x", "y", "r"]].to_numpy(float)
@@ -234,7 +239,7 @@ def measure_bits():
     """
     (name, pattern, radii, polarity), known, rows = SCREWS, load_known(), []
     for path in sorted(dataset(name).glob(pattern)):
-        circles = find_circles(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), radii, polarity=polarity)
+        circles = find_circles(_grey(path), radii, polarity=polarity)
         places = known[(known["dataset"] == name) & (known["picture"] == path.name)]
         fits = _match(circles, places[["x", "y", "r"]].to_numpy(float)) >= 0
         for position, place in enumerate(places.itertuples(), 1):
@@ -267,7 +272,7 @@ def count_parts():
         If the photograph is not found.
     """
     rows, known = [], load_known().query("dataset == 'skimage-coins'")[["x", "y", "r"]].to_numpy(float)
-    coins = cv2.imread(str(dataset("skimage-coins") / "coins.png"), cv2.IMREAD_GRAYSCALE)
+    coins = _grey(dataset("skimage-coins") / "coins.png")
     for name, light, image, places in [("coins.png", np.nan, coins, known), *_hubs_in_uneven_light()]:
         parts = segment(image)
         plain = segment(image, threshold=parts.threshold)
@@ -335,7 +340,7 @@ def measure_grid():
 
 def _grid_centers(path):
     """Centres (36, 2) of one photograph's discs."""
-    image = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+    image = _grey(path)
     discs = fit_discs(image, find_circles(image, (4, 25), polarity="dark"))
     complete, order = cv2.findCirclesGrid(image, (6, 6))
     apart = np.hypot(*(discs.centers[:, None] - np.reshape(order, (1, -1, 2))).transpose(2, 0, 1))

@@ -288,6 +288,24 @@ def test_notebooks_are_chosen_by_name(checkout, patterns, expected):
         commands._choose(["01", "03"])
 
 
+def test_words_beyond_the_locale_are_no_error(tmp_path):
+    """The output's path in an error message, on a terminal that knows ASCII only."""
+    (tmp_path / "Prüfstand").touch()
+    run = _start(tmp_path, ["reproduce", "--output", str(tmp_path / "Prüfstand")], PYTHONIOENCODING="ascii")
+    told = run.communicate(timeout=60)[0]
+    assert run.returncode == 1 and "UnicodeEncodeError" not in told
+    assert "Pr\\xfcfstand is no folder: name another folder with --output" in told
+
+
+@pytest.mark.parametrize("line", ["reproduce --output", "bench --output"])
+def test_output_that_cannot_be_written_is_told_before_the_work(tmp_path, monkeypatch, line):
+    monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
+    options = commands._parse([*line.split(), str(tmp_path / "new" / "output")])
+    with pytest.raises(SystemExit, match=f"and {tmp_path} cannot be written: name another folder"):
+        options.run(options)
+    assert not (tmp_path / "new").exists()
+
+
 # --- running notebooks --------------------------------------------------------------------------
 
 WRITE = """import os

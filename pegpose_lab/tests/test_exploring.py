@@ -225,9 +225,11 @@ def _run_notebook():
 def test_saved_notebooks_hold_no_models_of_widgets(tmp_path, path):
     """Saved by the contents manager of Jupyter's server itself, with the hook by its name."""
     manager = AsyncLargeFileManager(root_dir=str(tmp_path), pre_save_hook="pegpose_lab.running.clean_before_save")
+    manager.notary.db_file = ":memory:"  # of signatures; the user's own is none of a test's business
     (tmp_path / "notebooks").mkdir()
     content = json.loads(nbformat.writes(_run_notebook()))
     asyncio.run(manager.save({"type": "notebook", "format": "json", "content": content}, path))
+    manager.notary.store.close()
     text = (tmp_path / path).read_text(encoding="utf-8")
     assert "widget-" not in text and "4f2a" not in text and "IntSlider()" in text
     saved = nbformat.reads(text, as_version=4)
