@@ -33,7 +33,7 @@ GROUND_SIGMAS = 3.0  # departure from the ring's levels or noise, in standard de
 QUANTISATION = 1 / 12  # variance of rounding to whole grey values
 N_RAYS, RAY_POINTS = 64, 49
 REMAP_LIMIT = 32_766  # px, longest side of what cv2.remap takes
-CHUNK = 512  # pixels that are summed in float32: no sum depends on how far a disc's row is filled up
+CHUNK = 256  # pixels that are summed in float32: no sum depends on how far a disc's row is filled up
 SAME = 1.0  # px, distance of centres and radii below which two fits are of one disc
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together: their arrays stay in the cache
 N_SECTORS = np.array([24, 36, 48, 60, 78, 96])  # sectors of a refit, multiples of BLOCK
@@ -408,12 +408,12 @@ class _Pixels:
     y: np.ndarray
     values: np.ndarray
     used: np.ndarray
-    level: np.ndarray = 0.0
+    level: np.ndarray
     chunk: int = CHUNK
 
-    def every(self, step, rows):
-        """A part of the pixels of some rows."""
-        parts = (a[rows, ::step].copy() for a in (self.x, self.y, self.values, self.used))
+    def some(self, rows, step=1):
+        """The pixels, or a part of them, of some rows."""
+        parts = (a[rows, ::step] for a in (self.x, self.y, self.values, self.used))
         return _Pixels(self.origin[rows], *parts, self.level[rows], self.chunk // step)
 
 
@@ -481,7 +481,7 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
         ]
     ).astype(np.float32)[:, :, None]
     cx, cy, ux, uy, vy, vx, r, per_s, bend = column
-    rows = np.empty((len(ellipse.r), 9 + extra, pixels.x.shape[1]), np.float32)
+    rows = np.empty((len(ellipse.r), 9 + extra, pixels.x.shape[1]))
     dx, dy = pixels.x - cx, pixels.y - cy
     u, v = dx * ux + dy * uy, dy * vy - dx * vx
     uu, vv = u * u, v * v
@@ -530,31 +530,34 @@ def _least_squares(pixels, ellipse, log_s):
     """
     many = pixels.used.sum(axis=1) > LEAST_PIXELS
     if many.any():
-        part, *_ = _gauss_newton(pixels.every(PART, many), ellipse[many], log_s[many], ROUGH_STEP, ROUGH_STEPS)
+        part, *_ = _gauss_newton(
+            pixels.some(many, PART), ellipse[many], log_s[many], ROUGH_STEP, ROUGH_STEPS, residuals=None
+        )
         ellipse, log_s = ellipse[np.arange(len(many))], log_s.copy()
         ellipse[many], log_s[many] = part.ellipse, part.log_s
-    solution, singular, residuals = _gauss_newton(pixels, ellipse, log_s, SMALL_STEP)
+    residuals = np.empty(pixels.x.shape, np.float32)
+    solution, singular = _gauss_newton(pixels, ellipse, log_s, SMALL_STEP, MAX_STEPS, residuals)
     solution.levels[:, 0] += pixels.level
     for i, m in enumerate(solution.count.astype(int)):
         solution.squares[i], solution.noise[i] = _sum_of_squares(residuals[i, :m]), _residual_noise(residuals[i, :m])
     return solution, singular
 
 
-def _gauss_newton(pixels, ellipse, log_s, small, most=MAX_STEPS):
+def _gauss_newton(pixels, ellipse, log_s, small, most, residuals):
     """Gauss-Newton with halved steps, n discs at once; B and A are solved for in every step.
 
     A disc is done when its step's squared length in its own sigmas is below STEP_TOLERANCE, when a step that
     moves nothing by more than `small` is taken (the rest of the way is of second order: no more than that
-    squared), or when a small one fails to improve the fit.
+    squared), or when a small one fails to improve the fit.  Fills in the residuals of the pixels, unless None.
     """
     n, count = len(log_s), pixels.used.sum(axis=1, dtype=float)
     best, step, fraction, gain = None, np.zeros((n, 6)), np.ones(n), np.zeros(n)
-    residuals, done, singular = np.empty(pixels.x.shape, np.float32), np.zeros(n, bool), np.zeros(n, bool)
+    done, singular = np.zeros((2, n), bool)
     for _ in range(most):
         trial = ellipse.moved(*(fraction[:, None] * step[:, :5]).T)
         trial_s = np.clip(log_s + fraction * step[:, 5], -1.5, 2.0)
         rows = _ingredients(pixels, trial, trial_s)
-        parts = rows.astype(float).reshape(n, 9, -1, pixels.chunk).swapaxes(1, 2)
+        parts = rows.reshape(n, 9, -1, pixels.chunk).swapaxes(1, 2)
         found, combination, scale, new_step, new_gain, bad = _solve_rows(parts, trial, trial_s, count)
         if best is None:
             best, better = found, np.ones(n, bool)
@@ -570,14 +573,15 @@ def _gauss_newton(pixels, ellipse, log_s, small, most=MAX_STEPS):
         if last.any():
             best.update(last, _after_last_step(_rows(best, last), new_step[last], gain[last]))
         combination[last, :8] -= new_step[last] * scale[last]
-        rest = combination[better, None, None] @ parts[better]
-        residuals[better] = rest.reshape(-1, residuals.shape[1])
+        if residuals is not None:
+            rest = combination[better, None, None] @ (parts if better.all() else parts[better])
+            residuals[better] = rest.reshape(-1, residuals.shape[1])
         done |= last | singular
         if done.all():
             break
         step = _limited(step, ellipse)
     best.converged[:] = done
-    return best, singular, residuals
+    return best, singular
 
 
 def _rows(solution, rows):
@@ -793,7 +797,7 @@ def _sectors(image, ellipses):
         filled[:3, used] = np.concatenate([rings[i][1] for i in part], axis=1)
         filled[3] = used
         origin = np.repeat(np.stack([ellipses.x[part], ellipses.y[part]], axis=1), k, axis=0)
-        yield np.array(part), _Sectors(ellipses[part], _Pixels(origin, *filled), k)
+        yield np.array(part), _Sectors(ellipses[part], _Pixels(origin, *filled, np.zeros(len(origin))), k)
 
 
 def _ring_by_sectors(image, ellipse):
@@ -843,7 +847,12 @@ def _refit(shape, sectors, contrast, noise):
     around, held = _directions(k), (noise / (UNEVEN * np.maximum(np.abs(contrast), 1e-3)))[:, None] ** 2 * _HELD
     levels, own, active = np.zeros((n, 6)), np.ones((n, k), bool), np.ones(n, bool)
     for number in range(MAX_STEPS):
-        moments = _sector_moments(pixels, result.ellipse, result.log_s, k)
+        if active.all():
+            moments = _sector_moments(pixels, result.ellipse, result.log_s, k)
+        else:  # what is done keeps its moments
+            moments[active] = _sector_moments(
+                pixels.some(np.repeat(active, k)), result.ellipse[active], result.log_s[active], k
+            )
         free = _own_levels(moments, count, noise)
         if number <= ALONE:
             levels[:, 0], levels[:, 3] = np.median(free.level, axis=1), np.median(free.contrast, axis=1)
@@ -958,7 +967,7 @@ def _common_normal(moments, levels, around, weights):
 def _sector_moments(pixels, ellipse, log_s, k):
     """Sums of products (n, k, 11, 11) of the rows of `_ingredients`, the distance and the distance times Phi."""
     many = _Ellipse(*(np.repeat(getattr(ellipse, name), k) for name in ("x", "y", "r", "m", "angle")))
-    rows = _ingredients(pixels, many, np.repeat(log_s, k), extra=2).astype(float)
+    rows = _ingredients(pixels, many, np.repeat(log_s, k), extra=2)
     return (rows @ rows.transpose(0, 2, 1)).reshape(-1, k, 11, 11)
 
 
