@@ -4,7 +4,8 @@ import numpy as np
 
 from .checks import DetectionError
 
-_DEPTHS = 1.2, 1.35, 1.5, 1.65  # squares beyond the outermost corners: the second square, first half first
+_OUTSIDE = 1.2, 1.35, 1.5, 1.65  # squares beyond the outermost corners: in the second square, its nearer half
+_INSIDE = -0.35, -0.5, -0.65  # in the first square inside
 _ACROSS = 0.35, 0.5, 0.65  # of a square
 SMALLEST_CONTRAST = 0.4  # of the contrast inside: what alternates less is no square
 LARGEST_COMBING = 1.2  # 0.2 to 0.4 in photographs, 1 in noise; two fields 2 px apart have 1.3 to 3, 6 px 4 to 18
@@ -28,7 +29,8 @@ def check_ends(image, grid):
 
     Notes
     -----
-    Only what lies in the image can be seen; a side with fewer than four squares of the second row in it is not judged.
+    Only what lies in the image can be seen; a side with fewer than four squares of the second row in it is not
+    judged.
     """
     sides = grid.transpose(1, 0, 2), grid[:, ::-1].transpose(1, 0, 2), grid, grid[::-1]
     for name, lines in zip(_SIDES, sides, strict=True):
@@ -42,7 +44,7 @@ def check_ends(image, grid):
 
 
 def check_fields(image, grid):
-    """Raise if odd and even lines show the board at different places, as an interlaced image of a moving board does.
+    """Raise if odd and even lines show the board at different places, as in an interlaced image of a moving board.
 
     Parameters
     ----------
@@ -53,7 +55,7 @@ def check_fields(image, grid):
     Raises
     ------
     DetectionError
-        If lines differ more from their neighbours than from the next but one.  A shift of a pixel or less goes unseen.
+        If lines differ more from their neighbours than from the next but one.  A shift of a pixel goes unseen.
     """
     (left, top), (right, bottom) = grid.reshape(-1, 2).min(axis=0), grid.reshape(-1, 2).max(axis=0)
     part = image[max(int(top), 0) : int(bottom) + 2, max(int(left), 0) : int(right) + 2].astype(float)
@@ -62,14 +64,14 @@ def check_fields(image, grid):
     )
     if near > LARGEST_COMBING * far:
         raise DetectionError(
-            "odd and even lines show the board at different places (an interlaced image of a moving board?): hold it "
-            "still, or use every other line only"
+            "odd and even lines show the board at different places (an interlaced image of a moving board?): hold "
+            "it still, or use every other line only"
         )
 
 
 def _goes_on(image, lines):
     """Whether squares beyond the first of `lines` (lines, corners, 2) alternate as the squares inside do."""
-    outside, inside = _square_values(image, lines, _DEPTHS), _square_values(image, lines, [-d for d in (0.35, 0.5, 0.65)])
+    outside, inside = (_square_values(image, lines, depths) for depths in (_OUTSIDE, _INSIDE))
     both = np.isfinite(outside) & np.isfinite(inside)
     steps = np.diff(outside)[both[1:] & both[:-1]]
     expected = np.diff(inside)[both[1:] & both[:-1]]

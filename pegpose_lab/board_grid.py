@@ -1,8 +1,8 @@
 """Where the corners of a checkerboard are, to a pixel of a reduced image, in bounded time.
 
-OpenCV's detectors find the grid.  Their time grows with the image, and for one of them without bound where there is
-no board; they need no more than six pixels a square.  So they see the image at two fixed sizes, and at last, where
-that is larger still, the part of it that holds most saddle points, for a small board in a large image.
+OpenCV's detectors find the grid.  Their time grows with the image, and for one of them without bound where
+there is no board; they need no more than six pixels a square.  So they see the image at two fixed sizes, and at
+last, where that is larger still, the part of it that holds most saddle points, for a small board in a large image.
 """
 
 import cv2
@@ -55,16 +55,17 @@ def seen_grid(image):
 
 def _views(image):
     """The images to be searched, their scales and offsets, and what searches them."""
-    sectors, normalized = cv2.findChessboardCornersSB, cv2.CALIB_CB_NORMALIZE_IMAGE
-    classic = cv2.findChessboardCorners, cv2.CALIB_CB_ADAPTIVE_THRESH | normalized
-    exhaustive = sectors, cv2.CALIB_CB_EXHAUSTIVE
-    yield *_resized(image, COARSE), np.zeros(2), [(sectors, normalized), classic, exhaustive]
-    yield *_resized(image, MEDIUM), np.zeros(2), [exhaustive]
+    normalized = cv2.CALIB_CB_NORMALIZE_IMAGE
+    sectors = cv2.findChessboardCornersSB, normalized
+    exhaustive = cv2.findChessboardCornersSB, cv2.CALIB_CB_EXHAUSTIVE
+    quads = cv2.CALIB_CB_ADAPTIVE_THRESH | normalized | cv2.CALIB_CB_FAST_CHECK  # without: 0.5 s for a lens cap
+    yield *_resized(image, COARSE), np.zeros(2), [sectors, (cv2.findChessboardCorners, quads), exhaustive]
+    yield *_resized(image, MEDIUM), np.zeros(2), [sectors]
     if image.size > MEDIUM:
         fine, scale = _resized(image, FINE)
         x, y, width, height = _busiest_part(fine, COARSE)
         part = np.ascontiguousarray(fine[y : y + height, x : x + width])
-        yield part, scale, np.array([x, y]) / scale, [(sectors, normalized), exhaustive]
+        yield part, scale, np.array([x, y]) / scale, [sectors]
 
 
 def _resized(image, size):
@@ -87,7 +88,7 @@ def _busiest_part(image, size):
     height, width = (max(1, round(side * share)) for side in image.shape)
     sums = np.pad(np.cumsum(np.cumsum(peaks, axis=0, dtype=np.int32), axis=1, dtype=np.int32), ((1, 0), (1, 0)))
     counts = sums[height:, width:] - sums[height:, :-width] - sums[:-height, width:] + sums[:-height, :-width]
-    y, x = np.argwhere(counts == counts.max()).mean(axis=0).astype(int)  # all places of the most points: their middle
+    y, x = np.argwhere(counts == counts.max()).mean(axis=0).astype(int)  # the middle of the best places
     return x, y, width, height
 
 

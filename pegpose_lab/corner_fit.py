@@ -5,19 +5,19 @@ Near a corner the image of two crossing edges is
     I = m + a S(d_1) S(d_2) + g_x x + g_y y,
 
 d_1 and d_2 the signed distances to the edges and g a gradient of the light, which would otherwise pull the corner.
-S is the profile of an edge, from -1 to 1.  A step, blurred by a Gaussian of s px and averaged over a pixel one px wide,
-is
+S is the profile of an edge, from -1 to 1.  A step, blurred by a Gaussian of s px and averaged over a pixel one px
+wide, is
 
     F(d, s) = H(d + 1/2) - H(d - 1/2),   H(t) = t erf(t / (sqrt(2) s)) + sqrt(2 / pi) s exp(-t^2 / (2 s^2)).
 
-Without the pixel's width the profile of a sharp, nearly upright edge is off by up to 0.05 px.  Cameras sharpen on top,
-which no blur describes: an unsharp mask of amount k and Gaussian u makes of it
+Without the pixel's width the profile of a sharp, nearly upright edge is off by up to 0.05 px.  Cameras sharpen on
+top, which no blur describes: an unsharp mask of amount k and Gaussian u makes of it
 
     S(d) = (1 + k) F(d, s) - k F(d, sqrt(s^2 + u^2)).
 
-One unknown v, the variance by which the edge is wider than a pixel, stands for both: v = s^2 - k u^2, with k = 0 down to
-the smallest blur and s^2 constant below it (a parabola joins the two).  Least squares over a round window (maximum
-likelihood under white noise) gives the corner, the directions of both edges, v and the levels together.
+One unknown v, the variance by which the edge is wider than a pixel, stands for both: v = s^2 - k u^2, with k = 0
+down to the smallest blur and s^2 constant below it (a parabola joins the two).  Least squares over a round window
+(maximum likelihood under white noise) gives the corner, the directions of both edges, v and the levels together.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ SHARPENING = 0.9  # px, the Gaussian of the unsharp mask that stands for a camer
 SMALLEST_VARIANCE, BLEND = 0.04, 0.15  # px^2, where blur gives way to sharpening, and how softly
 LEAST_VARIANCE, LARGEST_VARIANCE = -1.5, 25.0  # px^2
 _STEPS = 60
-_GAUSS_NEWTON_STEPS = 10  # the others are Newton's: with large residuals (sharpened edges) the former crawl
+_GAUSS_NEWTON_STEPS = 10  # a rough fit has no others; these are Newton's, as with large residuals the former crawl
 _TOLERANCE, _ROUGH_TOLERANCE = 3e-4, 3e-2  # of the corner's standard deviation: a step that moves nothing
 _ROUNDING = 1e-7  # px: where the residual is nothing but rounding
 _STEP_LIMITS = np.array([1.0, 1.0, 0.2, 0.2, 0.3] + [np.inf] * 4)
@@ -88,7 +88,7 @@ def fit_corners(values, weights, lattice, start, rough=False):
     current = _equations(parameters, values, weights, lattice)
     sigma, cost, converged = np.zeros(len(start)), current[2].copy(), np.zeros(len(start), bool)
     freedom = np.maximum(weights.sum(axis=1) - parameters.shape[1], 1)
-    for count in range(_STEPS):
+    for count in range(_GAUSS_NEWTON_STEPS if rough else _STEPS):
         normal, right, _ = current
         if count >= _GAUSS_NEWTON_STEPS:
             normal = _second_derivatives(parameters[active], values[active], weights[active], lattice, normal)
@@ -98,12 +98,13 @@ def fit_corners(values, weights, lattice, start, rough=False):
         tried = _equations(trial, values[active], weights[active], lattice)
         better = tried[2] <= current[2]
         parameters[active[better]] = trial[better]
-        current = [np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in zip(tried, current)]
+        for new, old in zip(tried, current, strict=True):
+            old[better] = new[better]
         sigma[active] = spread * np.sqrt(current[2] / freedom[active])
         cost[active] = current[2]
         small = np.abs(step[:, :2]).max(axis=1) <= tolerance * sigma[active] + _ROUNDING
         converged[active] = small & (damping[active] <= 1.0)  # a strongly damped step is always small
-        damping[active] = np.where(better, np.maximum(damping[active] / 10, 1e-9), np.minimum(damping[active] * 10, 1e9))
+        damping[active] = np.clip(damping[active] * np.where(better, 0.1, 10.0), 1e-9, 1e9)
         going = ~converged[active]
         active, current = active[going], [part[going] for part in current]
         if not active.size:
@@ -133,7 +134,7 @@ def _equations(parameters, values, weights, lattice):
 
 
 def _second_derivatives(parameters, values, weights, lattice, normal):
-    """Half the sums' second derivatives (n, 9, 9), by differences; `normal` where they are not positive definite."""
+    """Half the sums' second derivatives (n, 9, 9), by differences; `normal` where they are not definite."""
     hessian = np.empty_like(normal)
     for k in range(parameters.shape[1]):
         step = np.zeros(parameters.shape[1])

@@ -1,7 +1,7 @@
 """Corners of a checkerboard in an image, to sub-pixel accuracy (Sect. 4).
 
-OpenCV finds the grid (`board_grid`); what it is worth is then decided by one fit for all corners (`corner_fit`), and
-by what lies around the grid (`board_checks`).
+OpenCV finds the grid (`board_grid`); what it is worth is then decided by one fit for all corners (`corner_fit`),
+and by what lies around the grid (`board_checks`).
 """
 
 import numpy as np
@@ -14,10 +14,10 @@ from .corner_fit import fit_corners
 WINDOW = 15.0  # px, largest radius of a window: noise falls with it, the pull of edges bent by the lens grows
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
 SMALLEST_PITCH = 7.0  # px between neighbouring corners; below, a window holds too few pixels
-PASSES = 3
+PASSES = 3  # of the fit; where the grid was found then moves a corner by less than 1e-5 px
 LARGEST_MOVE = 0.25  # of the pitch, from where the grid was found
 LARGEST_SIGMA = 0.5  # px
-LARGEST_MISFIT = 0.4  # of the contrast, and 3 times the board's median (noise): beyond, something covers the corner
+LARGEST_MISFIT = 0.4  # of the contrast, or 3 times the board's median (noise): beyond, something covers it
 SMALLEST_CONTRAST = 0.15  # of the board's median
 
 
@@ -79,17 +79,17 @@ def _not_found(image, board, refusal):
     instead = f"; a board of {seen[0]} x {seen[1]} is seen" if seen else ""
     return DetectionError(
         f"no board of {board.columns} x {board.rows} inner corners in the {width} x {height} picture (grey values "
-        f"{image.min()} to {image.max()}){instead}; show the whole board with a light rim, evenly lit and in focus; "
-        "check columns and rows"
+        f"{image.min()} to {image.max()}){instead}; show the whole board with a light rim, evenly lit and in "
+        "focus; check columns and rows"
     )
 
 
 def _seen_size(image):
-    """Columns and rows, the larger first, of the clear corners of whatever board is seen; None if there is none."""
+    """Columns and rows, the larger first, of the clear corners of whatever board is seen, or None."""
     grid, view = seen_grid(image)
     if grid is None or min(grid.shape[:2]) < 3 or _edge_normals(grid)[1].min() < SMALLEST_PITCH:
         return None
-    clear = ~_unclear(*_fit(view, grid), grid).reshape(grid.shape[:2])
+    clear = ~_unclear(*_fit(view, grid, passes=1), grid).reshape(grid.shape[:2])
     for _ in range(4):  # OpenCV may count a line along the rim
         for turn in range(4):
             if clear.shape[0] > 3 and clear[0].mean() < 0.6:
@@ -140,19 +140,22 @@ def _refine(image, grid):
     return corners
 
 
-def _fit(image, grid):
+def _fit(image, grid, passes=PASSES):
     """Corners (n, 2), px, of a grid (rows, columns, 2), and their fits.
 
-    Window and start come from the grid at first, then from the corners: what is found depends on the image alone.
+    Window and start come from the grid at first, then from the corners: what is found depends on the image
+    alone.  All passes but the last are rough; they end where a tenth of the corners are unclear.
     """
     corners = grid.reshape(-1, 2)
     start = _edge_normals(grid)[0]
-    for last in [False] * (PASSES - 1) + [True]:
+    for count in range(passes):
         pixels, offsets = np.rint(corners), corners - np.rint(corners)
         _, pitch = _edge_normals(corners.reshape(grid.shape))
         values, weights, lattice = _windows(image, pixels.astype(int), offsets, np.minimum(REACH * pitch, WINDOW))
-        fits = fit_corners(values, weights, lattice, np.column_stack([offsets, start]), rough=not last)
+        fits = fit_corners(values, weights, lattice, np.column_stack([offsets, start]), rough=count < PASSES - 1)
         corners, start = pixels + fits.parameters[:, :2], fits.parameters[:, 2:]
+        if _unclear(corners, fits, grid, converged=count < PASSES - 1).mean() > 0.1:
+            break
     return corners, fits
 
 
@@ -171,7 +174,8 @@ def _edge_normals(grid):
 def _windows(image, pixels, offsets, radii):
     """Grey values and weights (n, k) in windows around pixels, and the windows' lattice (2, k).
 
-    The weight is 1 within the radius around pixel + offset and falls to 0 over one px; outside of the image it is 0.
+    The weight is 1 within the radius around pixel + offset and falls to 0 over one px; outside of the image it
+    is 0.
     """
     half = int(np.ceil(radii.max() + 1.3))  # an offset is up to 0.71 px
     lattice = np.indices((2 * half + 1, 2 * half + 1)).reshape(2, -1)[::-1] - half
@@ -185,16 +189,20 @@ def _windows(image, pixels, offsets, radii):
     return values, weights, lattice.astype(float)
 
 
-def _unclear(corners, fits, grid):
-    """Which corners (n,) ran away, did not converge, are covered, or have the colours of their neighbours."""
+def _unclear(corners, fits, grid, converged=False):
+    """Which corners (n,) ran away, did not converge, are covered, or have the colours of their neighbours.
+
+    With `converged` all are taken to have converged (a rough fit).
+    """
     row, column = np.divmod(np.arange(len(corners)), grid.shape[1])
     amplitude = fits.parameters[:, 6]
     signs = np.sign(amplitude) * (1 - 2 * ((row + column) % 2))
     majority = 1.0 if np.sum(signs) > 0 else -1.0
     moved = np.linalg.norm(corners - grid.reshape(-1, 2), axis=1)
-    unclear = ~fits.converged | (signs != majority) | (moved > LARGEST_MOVE * _edge_normals(grid)[1])
+    unclear = ~(fits.converged | converged) | (signs != majority) | (moved > LARGEST_MOVE * _edge_normals(grid)[1])
     faint = np.abs(amplitude) < SMALLEST_CONTRAST * np.median(np.abs(amplitude))
-    return unclear | faint | (fits.sigma > LARGEST_SIGMA) | (fits.misfit > max(LARGEST_MISFIT, 3 * np.median(fits.misfit)))
+    misfit = fits.misfit > max(LARGEST_MISFIT, 3 * np.median(fits.misfit))
+    return unclear | faint | misfit | (fits.sigma > LARGEST_SIGMA)
 
 
 def _check(corners, fits, grid):

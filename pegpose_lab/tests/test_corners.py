@@ -128,8 +128,8 @@ def test_derivatives_of_the_model(variance):
     for k in range(9):
         step = np.zeros(9)
         step[k] = 1e-6
-        numeric = (edge_crossing(parameters + step, lattice)[0] - edge_crossing(parameters - step, lattice)[0])[0] / 2e-6
-        np.testing.assert_allclose(jacobian[:, k], numeric, atol=1e-5)
+        ahead, behind = (edge_crossing(parameters + sign * step, lattice)[0][0] for sign in (1, -1))
+        np.testing.assert_allclose(jacobian[:, k], (ahead - behind) / 2e-6, atol=1e-5)
 
 
 @pytest.mark.parametrize("variance", VARIANCES)
@@ -157,7 +157,7 @@ def test_stated_sigma_is_that_of_the_errors():
 
 
 def upright(degrees):
-    """A sharp board of 8 x 6 inner corners, face on and turned by some degrees, as square pixels see it; its corners."""
+    """A sharp board of 8 x 6 inner corners, face on, turned by some degrees, seen by square pixels; its corners."""
     camera, board = TsaiCamera(50.0, (0.05, 0.05), (199.5, 159.5), (400, 320)), Checkerboard(8, 6, 20.0)
     rotation = Rotation.from_euler("z", degrees, degrees=True)
     pose = RigidTransform.from_components([0.13, 0.07, 625.0] - rotation.apply(board.center), rotation)
@@ -168,7 +168,8 @@ def upright(degrees):
 
 def sharpen(image, amount):
     image = image.astype(np.float32)
-    return np.clip(np.rint(image + amount * (image - cv2.GaussianBlur(image, (0, 0), 0.8))), 0, 255).astype(np.uint8)
+    image = image + amount * (image - cv2.GaussianBlur(image, (0, 0), 0.8))
+    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
 def nearest_order(corners, truth):
