@@ -14,6 +14,20 @@ from pegpose_lab.__main__ import CHECKOUT, FIXED_VARIABLES
 settings.register_profile("pegpose_lab", deadline=None, derandomize=bool(os.environ.get("CI")))
 settings.load_profile("pegpose_lab")
 
+# Modules of tests that compare computed digits with stored ones, or with an exact truth: they are run on every emulated
+# processor (`pegpose_lab.processors`).
+DIGITS = {
+    "test_calibration", "test_company", "test_genetic", "test_joint", "test_measured", "test_monte_carlo", "test_pose",
+    "test_tsai",
+}  # fmt: skip
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m chooses by the marks
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.path.stem in DIGITS:
+            item.add_marker("digits")
+
 
 def pytest_configure(config):
     """Give notebooks a folder to write into, with the results they read, unless the command has named one."""
