@@ -308,7 +308,8 @@ def _find(window, request):
     smooth = cv2.GaussianBlur(np.abs(votes), (0, 0), SMOOTHING, borderType=cv2.BORDER_CONSTANT)
     peaks = _regional_peaks(smooth, max(1 - request.sensitivity, 1e-6))
     radius = _radius_by_phase if request.method == "phase-code" else _radius_by_histogram
-    rows = [(x, y, radius(votes, gradient, x, y, wide), score) for x, y, score in peaks]
+    # rounded, so that no processor's last digit decides the order of equally good circles
+    rows = [(x, y, radius(votes, gradient, x, y, wide), round(score, 6)) for x, y, score in peaks]
     return _of_own_radius(gradient, np.array(rows).reshape(-1, 4), request, wide)
 
 

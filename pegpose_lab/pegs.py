@@ -33,6 +33,7 @@ BASE_SCALE = (0.7, 1.1)  # scale of the base's picture over that of the pegs' to
 OBLIQUENESS = 0.7  # tangent of the angle between line of sight and hub axis
 MOST_NEIGHBOURS = MOST_PEGS  # circles tried as pegs of one bore: the sets of n_pegs among them are all tried
 MOST_RINGS = 20
+EQUALLY_LEFT = 0.01  # px: what last digits, which differ between processors, must not decide
 CLEAR_TURN = 0.8  # the best of several labellings must move the pegs less than this part of the next one
 
 
@@ -347,7 +348,8 @@ def _screws_look_alike(shift, hub):
 def _choose(labellings, circles, previous):
     """The labelling that `locate_pegs` promises."""
     if previous is None or len(labellings) == 1:
-        return min(labellings, key=lambda labelling: tuple(labelling.screws[0, :2]))
+        farthest = min(labelling.screws[0, 0] for labelling in labellings) + EQUALLY_LEFT
+        return min((one for one in labellings if one.screws[0, 0] <= farthest), key=lambda one: one.screws[0, 1])
     before = previous.peg_centers - previous.peg_centers.mean(axis=0)
     moves = []
     for labelling in labellings:

@@ -525,7 +525,7 @@ def _model(x, y, ellipse, log_s):
     st.floats(0, 0.4), st.floats(-1.5, 1.5), st.floats(-0.5, 0.7), st.floats(3, 60), st.sampled_from([0.0, 0.3, -0.4])
 )
 def test_fast_rows_equal_the_literal_model(m, angle, log_s, r, shift):
-    """Single precision and the table of Phi cost less than 1e-3 of the contrast, and of its derivatives."""
+    """Single precision and the tables cost less than 1e-3 of the contrast, and of its derivatives."""
     ellipse = edges._Ellipse(*(np.array([value]) for value in (100.0 + shift, 90.0 - shift, r, m, angle)))
     t = np.linspace(0, 6.2, 40)[:, None]
     beyond = 1 + np.linspace(-4, 4, 9) / r
@@ -533,7 +533,8 @@ def test_fast_rows_equal_the_literal_model(m, angle, log_s, r, shift):
     y = np.rint(90 + r * beyond * np.sin(t)).ravel()
     ones = np.ones((1, len(x)), np.float32)
     pixels = edges._Pixels(
-        np.array([[100.0, 90.0]]), (x[None] - 100).astype(np.float32), (y[None] - 90).astype(np.float32), ones, ones
+        np.array([[100.0, 90.0]]), (x[None] - 100).astype(np.float32), (y[None] - 90).astype(np.float32), ones, ones,
+        np.zeros(1),
     )
     fast = edges._ingredients(pixels, ellipse, np.array([log_s]), extra=2)[0]
     one = edges._Ellipse(*(float(getattr(ellipse, name)[0]) for name in ("x", "y", "r", "m", "angle")))

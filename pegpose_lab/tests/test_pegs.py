@@ -13,7 +13,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from pegpose_lab.camera import TsaiCamera
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.experiment import paper_experiment
-from pegpose_lab.pegs import _check_fits, _check_shapes, _rings_around, _screws_look_alike, locate_pegs, track_pegs
+from pegpose_lab.pegs import (
+    _check_fits, _check_shapes, _choose, _rings_around, _screws_look_alike, locate_pegs, track_pegs,
+)
 from pegpose_lab.pose import estimate_pose, project_discs
 from pegpose_lab.render import render_hub
 from pegpose_lab.targets import MOST_PEGS, Hub
@@ -93,6 +95,15 @@ def test_first_screw_is_the_one_further_left(turn):
     shift = 0 if screws[0, 0] < screws[1, 0] else 2
     assert_seen(observation, pose_of(turn), shift=shift)
     assert observation.screw_centers[0, 0] < observation.screw_centers[1, 0]
+
+
+def test_of_two_screws_equally_far_left_the_upper_is_the_first():
+    circles = SimpleNamespace(centers=np.zeros((4, 2)), radii=np.ones(4))
+    for last_digit in (-1e-12, 0.0, 1e-12):
+        upper, lower = np.array([[50.0, 20.0, 5.0], [50.0, 80.0, 5.0]]) + [[last_digit, 0, 0], [0, 0, 0]]
+        labellings = [SimpleNamespace(pegs=np.arange(4), screws=np.array(pair)) for pair in ((upper, lower), (lower, upper))]
+        for order in (labellings, labellings[::-1]):
+            assert _choose(order, circles, None).screws[0, 1] == 20.0
 
 
 def test_labels_run_clockwise_on_the_screen():
