@@ -26,7 +26,7 @@ from pegpose_lab import (
 )
 from pegpose_lab.experiment import paper_experiment, paper_pose
 from pegpose_lab.measured import load_corners
-from pegpose_lab.two_stage import TwoStageObjective, kappa1_per_point, kappa1_shared
+from pegpose_lab.two_stage import TwoStageObjective, kappa1_per_point, kappa1_shared, repeat_calibration
 
 EXPERIMENT = paper_experiment()
 CAMERA = EXPERIMENT.camera
@@ -206,6 +206,22 @@ def test_genetic_finds_the_paper_camera_from_any_seed():
         assert calibration.cam_from_object[0].translation == pytest.approx([-945.2, 663.51, 267.38], rel=1e-6)
         assert calibration.camera.kappa1 == pytest.approx(1.097e-5, rel=1e-4)
         assert calibration.mean_distance < 1e-6 and calibration.flags == ()
+
+
+@pytest.mark.parametrize("options", [{}, {"genes": "printed", "generations": 30}])
+def test_runs_side_by_side_are_those_one_after_the_other(options):
+    points, _ = view()
+    images = [view(noise=0.1, seed=seed)[1] for seed in range(10)]  # more than are evaluated together
+    many = repeat_calibration(points, images, CAMERA, range(10), **options)
+    for run, (seed, image) in zip(many, enumerate(images), strict=True):
+        one = calibrate_genetic(points, image, CAMERA, rng=seed, **options)
+        assert run.mean_distance == pytest.approx(one.mean_distance, rel=1e-9)
+        assert run.camera.focal_length == pytest.approx(one.camera.focal_length, rel=1e-6)
+        assert run.residuals[0].shape == image.shape and run.flags == one.flags
+    again = repeat_calibration(points, images[0], CAMERA, [0, 1], **options)
+    assert again[0].mean_distance == pytest.approx(many[0].mean_distance, rel=1e-9)
+    with pytest.raises(ValueError, match="image_points has 10 images for 3 rngs"):
+        repeat_calibration(points, images, CAMERA, range(3))
 
 
 def test_genetic_with_corner_noise_has_the_printed_residual():

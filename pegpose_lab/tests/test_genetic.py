@@ -5,7 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pegpose_lab.genetic import blend_crossover, first_generation, minimize_genetic, power_mutation, roulette
+from pegpose_lab.genetic import (
+    blend_crossover, first_generation, minimize_genetic, power_mutation, repeat_genetic, roulette,
+)
 
 LOWER, UPPER = np.array([-2.0, 10.0]), np.array([3.0, 50.0])
 
@@ -130,6 +132,23 @@ def test_roulette_of_equals_is_fair():
     assert np.bincount(chosen) / 4e4 == pytest.approx(np.full(4, 0.25), abs=0.02)
 
 
+@pytest.mark.parametrize("spread", [0.0, 1e-16, 1e-12, 1.0])
+def test_roulette_draws_equally_many_numbers_whether_values_are_equal_or_not(spread):
+    """What is drawn afterwards must not depend on whether rounding has made the last values equal."""
+    rng, other = np.random.default_rng(13), np.random.default_rng(13)
+    roulette(1.0 + spread * np.arange(7), 60, rng)
+    other.random(60)
+    assert rng.random() == other.random()
+
+
+def test_roulette_draws_for_each_run_by_its_own_values():
+    values = np.array([[1.0, 2.0, 2.0], [2.0, 2.0, 1.0], [5.0, 5.0, 5.0]])
+    chosen = roulette(values, 3000, np.random.default_rng(14))
+    assert chosen.shape == (3, 3000)
+    assert np.all(chosen[0] == 0) and np.all(chosen[1] == 2)
+    assert np.bincount(chosen[2]) / 3000 == pytest.approx(np.full(3, 1 / 3), abs=0.04)
+
+
 def test_first_generation_of_eq_4_is_the_initial_chromosome():
     population = first_generation(LOWER, UPPER, 6, np.random.default_rng(0), initial=[1, 20], form="equal")
     assert np.array_equal(population, np.tile([1.0, 20.0], (6, 1)))
@@ -246,3 +265,54 @@ def test_unusable_input_is_named(change, named):
     arguments = {"objective": sphere, "bounds": [(-2, 3), (10, 50)], "generations": 3, "rng": 0} | change
     with pytest.raises(ValueError, match=named):
         minimize_genetic(arguments.pop("objective"), arguments.pop("bounds"), **arguments)
+
+
+# --- many runs side by side --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("options", [{}, {"initialisation": "equal", "crossover": "printed", "mutation": "printed"}])
+def test_runs_side_by_side_are_those_one_after_the_other(options):
+    centres, bounds = np.array([[0.5, 20.0], [1.0, 30.0], [-1.0, 45.0]]), np.array([(-2, 3), (10, 50)])
+    initial = np.array([[0.0, 15.0], [0.1, 25.0], [0.2, 35.0]])
+    many = repeat_genetic(
+        lambda population: np.sum((population - centres[:, None]) ** 2, axis=-1), bounds, [4, 5, 6], initial=initial,
+        generations=20, keep_populations=True, **options,
+    )
+    for run, centre, start, seed in zip(many, centres, initial, (4, 5, 6), strict=True):
+        one = minimize_genetic(
+            lambda population: np.sum((population - centre) ** 2, axis=-1), bounds, rng=seed, initial=start,
+            generations=20, keep_populations=True, **options,
+        )
+        assert run.populations == pytest.approx(one.populations, rel=1e-12)
+        assert run.fun == pytest.approx(one.fun, rel=1e-9) and run.evaluations == one.evaluations
+        assert run.history.to_numpy() == pytest.approx(one.history.to_numpy(), rel=1e-9, abs=1e-12)
+
+
+def test_every_run_has_its_own_bounds():
+    bounds = np.array([[(0, 1), (0, 1)], [(2, 3), (4, 5)]])
+    low, high = repeat_genetic(lambda population: population.sum(axis=-1), bounds, [1, 2])
+    assert low.x == pytest.approx([0, 0], abs=1e-6) and high.x == pytest.approx([2, 4], abs=1e-6)
+
+
+def test_no_run_and_unknown_options_are_refused():
+    with pytest.raises(ValueError, match=r"rngs has length 0.*expected a run"):
+        repeat_genetic(sphere, [(-2, 3), (10, 50)], [])
+    with pytest.raises(ValueError, match=r"unknown options are \['elitism'\]"):
+        repeat_genetic(sphere, [(-2, 3), (10, 50)], [1], elitism=True)
+
+
+def test_rounding_of_the_objective_does_not_change_where_a_search_ends():
+    """Equal chromosomes have exactly equal values, or values that differ in their last bits: all runs end alike."""
+
+    def ends(rounding):
+        noise = np.random.default_rng(15)
+
+        def valley(population):
+            along, across = population.sum(axis=-1), population[..., 0] - population[..., 1]
+            values = np.sqrt(1e-4 + (along - 1) ** 2 + 100 * across**2)
+            return values * (1 + rounding * noise.standard_normal(values.shape))
+
+        start = dict(initial=[0.8, 0.8], initialisation="equal")
+        return [run.fun for run in repeat_genetic(valley, [(0, 1), (0, 1)], range(40), **start)]
+
+    assert ends(1e-15) == pytest.approx(ends(0.0), abs=1e-6)

@@ -77,6 +77,22 @@ def test_default_arrives_from_every_seed_on_every_view():
     assert default["worst_excess"].max() <= rivals.REACHED
 
 
+def test_runs_of_different_views_and_variants_are_independent(monkeypatch):
+    """Each run has a generator of its own: shares of several views may be taken together."""
+    drawn = []
+
+    def repeat(object_points, image_points, camera, rngs, **_):
+        drawn.extend(rng.random() for rng in rngs)
+        return [calibrate_tsai(object_points, image_points, camera)]
+
+    monkeypatch.setattr(rivals, "optimum_in_box", calibrate_tsai)
+    monkeypatch.setattr(rivals, "repeat_calibration", repeat)
+    image = TRUTH.camera.project(BOARD, TRUTH.cam_from_boards[0])
+    sets = [(name, BOARD, image, TRUTH.camera) for name in ("one", "two")]
+    rivals.success_rates(sets, seeds=3, workers=1, progress=False)
+    assert len(drawn) == 2 * len(rivals.VARIANTS) * 3 == len(set(drawn))
+
+
 def test_success_table_is_current():
     """A part of it, made again: three views and two variants with the first seeds."""
     views = [view for view in rivals.trial_sets() if view[0] in ("paper's view", "rendered view 5", "left02")]
