@@ -6,14 +6,13 @@ scale of the noise cancels.  `rayleigh_counts` draws that number for independent
 what the paper's two stages leave of normal corner noise: those residuals are neither independent nor of one scale.
 """
 
-import operator
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 
 from . import paper
-from .checks import as_number
+from .checks import as_choice, as_count, as_number
 from .experiment import paper_experiment
 from .results import PROJECT_FOLDER, replacing
 from .two_stage import calibrate_genetic
@@ -40,8 +39,7 @@ def count_below(distances, ratio, given="mean"):
     distances, ratio = np.asarray(distances, np.float64), as_number(ratio, "ratio", 0, exclusive=True)
     if distances.ndim == 0 or distances.shape[-1] == 0:
         raise ValueError(f"distances has shape {distances.shape}; expected (..., n) with n >= 1")
-    if given not in GIVEN:
-        raise ValueError(f"given is {given!r}; expected {' or '.join(map(repr, GIVEN))}")
+    given = as_choice(given, "given", GIVEN)
     scale = np.mean(distances, axis=-1) if given == "mean" else np.sqrt(np.mean(distances**2, axis=-1))
     return np.count_nonzero(distances < ratio * scale[..., None], axis=-1)
 
@@ -69,24 +67,13 @@ def rayleigh_counts(n, ratio, *, samples=20_000, rng=None):
     ValueError
         If an argument is unusable.
     """
-    n, samples = _as_count(n, "n"), _as_count(samples, "samples")
+    n, samples = as_count(n, "n", 1), as_count(samples, "samples", 1)
     rng, rows = np.random.default_rng(rng), max(_BATCH // n, 1)
     parts = []
     for first in range(0, samples, rows):
         distances = rng.rayleigh(size=(min(rows, samples - first), n))
         parts.append([count_below(distances, ratio, given) for given in GIVEN])
     return dict(zip(GIVEN, np.concatenate(parts, axis=1), strict=True))
-
-
-def _as_count(value, name):
-    """A whole number of at least one."""
-    try:
-        count = operator.index(value)
-    except TypeError as error:
-        raise ValueError(f"{name} is {value!r}; expected a whole number") from error
-    if count < 1:
-        raise ValueError(f"{name} is {count}; expected at least 1")
-    return count
 
 
 def two_stage_counts(trials, ratio, *, seed=0):

@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 from . import paper
 from .camera import TsaiCamera
-from .checks import CalibrationError, DetectionError, as_number
+from .checks import CalibrationError, DetectionError, as_count, as_number
 from .corners import find_corners
 from .joint import calibrate_joint
 from .render import render_board, render_hub
@@ -232,7 +232,7 @@ def monte_carlo(
     if corners not in CORNERS:
         raise ValueError(f"corners is {corners!r}; expected {' or '.join(map(repr, CORNERS))}")
     conditions = _as_conditions(noises, tilts, views, methods, trials)
-    seed = _as_whole(seed, "seed", 0)
+    seed = as_count(seed, "seed", 0)
     wanted = [(seed, corners, *condition) for condition in conditions]
     done = _finished(path)
     known = set(done[[*_KEY]].itertuples(index=False, name=None))
@@ -332,25 +332,18 @@ def _as_conditions(noises, tilts, views, methods, trials):
     """The checked combinations (noise, tilt, views, method, trial), each once."""
     noises = [as_number(noise, "noises", 0) for noise in _as_sequence(noises, "noises")]
     tilts = [as_number(tilt, "tilts", 0, 45) for tilt in _as_sequence(tilts, "tilts")]
-    views = [_as_whole(number, "views", 1) for number in _as_sequence(views, "views")]
+    views = [as_count(number, "views", 1) for number in _as_sequence(views, "views")]
     methods = _as_sequence(methods, "methods")
     unknown = set(methods) - set(METHODS)
     if unknown:
         raise ValueError(f"methods has {', '.join(map(str, unknown))}; expected some of {', '.join(METHODS)}")
-    return list(dict.fromkeys(product(noises, tilts, views, methods, range(_as_whole(trials, "trials", 1)))))
+    return list(dict.fromkeys(product(noises, tilts, views, methods, range(as_count(trials, "trials", 1)))))
 
 
 def _as_sequence(values, name):
     if np.ndim(values) != 1 or len(values) == 0:
         raise ValueError(f"{name} is {values!r}; expected a sequence of at least one value")
     return list(values)
-
-
-def _as_whole(value, name, minimum):
-    number = as_number(value, name, minimum)
-    if number != int(number):
-        raise ValueError(f"{name} is {number:g}; expected a whole number")
-    return int(number)
 
 
 def _finished(path):

@@ -20,7 +20,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 
-from .checks import as_number, as_points
+from .checks import as_choice, as_count, as_number, as_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +140,8 @@ def repeat_genetic(objective, bounds, rngs, **options):
     settings = SimpleNamespace(**(minimize_genetic.__kwdefaults__ | options))
     rng = _SideBySide(rngs)
     lower, upper = _as_bounds(bounds)
-    size = _as_count(settings.population_size, "population_size", 2)
-    generations = _as_count(settings.generations, "generations", 1)
+    size = as_count(settings.population_size, "population_size", 2)
+    generations = as_count(settings.generations, "generations", 1)
     population = first_generation(
         lower, upper, (len(rngs), size), rng, initial=settings.initial, form=settings.initialisation
     )
@@ -202,7 +202,7 @@ def first_generation(lower, upper, size, rng, *, initial=None, form="uniform"):
     ValueError
         If the form is unknown, or `initial` is missing, of another length or outside the box.
     """
-    _check_form(form, "initialisation", ("uniform", "equal"))
+    as_choice(form, "initialisation", ("uniform", "equal"))
     shape = (*np.atleast_1d(size), np.shape(lower)[-1])
     if initial is not None:
         initial = as_points(np.reshape(initial, (-1, np.shape(initial)[-1])), shape[-1], "initial")[:, None]
@@ -275,7 +275,7 @@ def blend_crossover(parents, rng, *, alpha=0.75, form="corrected"):
     (..., n, d) ndarray
         Children; they may lie outside the box.
     """
-    _check_form(form, "crossover", ("corrected", "printed"))
+    as_choice(form, "crossover", ("corrected", "printed"))
     alpha = as_number(alpha, "alpha", 0)
     following = np.roll(parents, -1, axis=-2)
     difference = parents - following
@@ -317,7 +317,7 @@ def power_mutation(population, lower, upper, rng, *, index=10.0, rate=0.05, form
     (..., n, d) ndarray
         A new population.
     """
-    _check_form(form, "mutation", ("corrected", "printed"))
+    as_choice(form, "mutation", ("corrected", "printed"))
     index, rate = as_number(index, "mutation_index", 0, exclusive=True), as_number(rate, "mutation_rate", 0, 1)
     chosen, direction, sample = (rng.random(population.shape) for _ in range(3))
     sample = 1 - sample  # in (0, 1]: zero has no power p - 1 < 0
@@ -367,14 +367,3 @@ def _as_bounds(bounds):
     if np.any(flat[:, 0] >= flat[:, 1]):
         raise ValueError(f"bounds {flat.tolist()} are not increasing; expected lower < upper for each gene")
     return flat.T if len(shape) != 3 else np.moveaxis(flat.reshape(shape), 2, 0)[:, :, None]
-
-
-def _as_count(value, name, minimum):
-    if as_number(value, name, minimum) != int(value):
-        raise ValueError(f"{name} is {value}; expected a whole number")
-    return int(value)
-
-
-def _check_form(value, name, allowed):
-    if value not in allowed:
-        raise ValueError(f"{name} is {value!r}; expected one of {', '.join(map(repr, allowed))}")

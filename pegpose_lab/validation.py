@@ -7,7 +7,7 @@ import pandas as pd
 from scipy.stats import binned_statistic
 
 from .camera import OpenCVCamera
-from .checks import CalibrationError, as_number, as_points
+from .checks import CalibrationError, as_count, as_number, as_points
 from .pose_of_board import board_pose
 
 LEAST_IN_RING = 5
@@ -104,7 +104,7 @@ def coverage(image_points, image_size, cells=(8, 6)):
         raise ValueError(f"cells is {cells}; expected two whole numbers, columns and rows")
     if len(image_points) == 0:
         raise ValueError("image_points has no views; expected at least one")
-    columns, rows = (_as_whole(count, "cells", 1) for count in cells)
+    columns, rows = (as_count(count, "cells", 1) for count in cells)
     width, height = (as_number(length, "image_size", 1) for length in image_size)
     points = np.concatenate([as_points(view, 2, "image_points") for view in image_points])
     edges = np.linspace(-0.5, height - 0.5, rows + 1), np.linspace(-0.5, width - 0.5, columns + 1)
@@ -137,7 +137,7 @@ def radial_profile(calibration, image_points, rings=8):
         If there are fewer than `LEAST_IN_RING` points in a ring, so also where many have one radius, or other points
         than residuals.
     """
-    rings = _as_whole(rings, "rings", 1)
+    rings = as_count(rings, "rings", 1)
     if not calibration.residuals:
         raise ValueError("calibration has no residuals; it was read from a file that keeps the camera only")
     points, residuals = (np.concatenate(views) for views in (image_points, calibration.residuals))
@@ -198,13 +198,6 @@ def sensitivity(calibrate, object_points, images):
         moved = (values - first[0]) / first[1]
         rows[name] = {"rms": found.rms, **dict(zip(names, values)), **{f"{n} moved": m for n, m in zip(names, moved)}}
     return pd.DataFrame(rows).T.rename_axis("detector").reset_index()
-
-
-def _as_whole(value, name, minimum):
-    number = as_number(value, name, minimum)
-    if number != int(number):
-        raise ValueError(f"{name} is {number:g}; expected whole numbers")
-    return int(number)
 
 
 def _parameter(camera, name):

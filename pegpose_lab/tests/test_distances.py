@@ -85,7 +85,7 @@ def test_trials_do_not_depend_on_each_other():
         (lambda: count_below([1.0], 0.0), "ratio is 0"),
         (lambda: count_below([1.0], 1.0, "median"), "given is 'median'"),
         (lambda: rayleigh_counts(1.5, 1.0), "n is 1.5; expected a whole number"),
-        (lambda: rayleigh_counts(0, 1.0), "n is 0; expected at least 1"),
+        (lambda: rayleigh_counts(0, 1.0), "n is 0; expected a whole number of at least 1"),
         (lambda: rayleigh_counts(5, 1.0, samples=0), "samples is 0"),
         (lambda: rayleigh_counts(5, np.nan), "ratio is nan"),
     ],
