@@ -108,7 +108,7 @@ def _test(options):
     if options.processors is not None:
         return _test_processors(options.processors, options.extra)
     with running.scratch_output(_results()) as output:
-        os.environ.update(PEGPOSE_OUTPUT=str(output), IPYTHONDIR=str(output / "ipython"))
+        os.environ.update(running.output_variables(output))
         code = int(pytest.main(_notebook_testing() + options.extra))
         changed = running.changed_files(output, CHECKOUT)
     for path in changed:

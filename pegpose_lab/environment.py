@@ -246,19 +246,19 @@ def _install_commands(*arguments, python_there=None):
 def python_of_version(version):
     """Return the Python of an environment like `.venv` for another version of Python, or None where there is none.
 
-    It lies in a folder of `.venv`, is made on first use, and goes with `.venv`.
+    It lies in a folder of `.venv`, is made on first use and anew for another lock, and goes with `.venv`.
     """
     base = shutil.which(f"python{version}")
     folder = VENV / f"python{version}"
     own = folder / python().relative_to(VENV)
     if base is None or subprocess.call([base, "-c", ""], stderr=subprocess.DEVNULL):
         return None
-    stamp = folder / "complete"
-    if not stamp.exists():
+    stamp, lock = folder / "lock.sha256", _wanted_stamp()["lock"]
+    if not stamp.is_file() or stamp.read_text(encoding="ascii") != lock:
         print(f"Setting up {folder} ...", flush=True)
         _run_first(_venv_commands(base, folder, True), f"Making {folder}")
         _pip_install(["-r", LOCK], f"{LOCK.name} for Python {version}", own)
-        stamp.touch()
+        stamp.write_text(lock, encoding="ascii")
     return own
 
 

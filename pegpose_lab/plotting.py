@@ -76,17 +76,19 @@ def save_figure(fig, name):
     -------
     Path
         The PNG.
+    str
+        What it draws.
     """
     fig.draw_without_rendering()  # lays it out; once is enough for all files and the digest
     fig.set_layout_engine("none")
-    target = output_folder() / "figures" / f"{name}.png"
+    target, drawn = output_folder() / "figures" / f"{name}.png", figure_digest(fig)
     with replacing(target) as path:
-        fig.savefig(path, format="png", dpi=DPI, metadata={"Software": None, "Description": figure_digest(fig)})
+        fig.savefig(path, format="png", dpi=DPI, metadata={"Software": None, "Description": drawn})
     if name.startswith("fig"):
         nothing = {"CreationDate": None, "Creator": None, "Producer": None}
         with replacing(target.with_suffix(".pdf")) as path:
             fig.savefig(path, format="pdf", dpi=DPI, metadata=nothing)
-    return target
+    return target, drawn
 
 
 def show_figure(fig, name):
@@ -95,10 +97,11 @@ def show_figure(fig, name):
     It is the last call of the one cell that builds a figure.  The output's text, which a reader never sees beside
     the image and which nbval compares, tells what the figure draws (see `figure_digest`).
     """
-    content = base64.b64encode(save_figure(fig, name).read_bytes()).decode("ascii")
+    path, drawn = save_figure(fig, name)
+    content = base64.b64encode(path.read_bytes()).decode("ascii")
     width, height = (round(side * STYLE["figure.dpi"]) for side in fig.get_size_inches())
     display(
-        {"image/png": content, "text/plain": f"figures/{name}.png\n{figure_digest(fig)}"},
+        {"image/png": content, "text/plain": f"figures/{name}.png\n{drawn}"},
         metadata={"image/png": {"width": width, "height": height}},
         raw=True,
     )

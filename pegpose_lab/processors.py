@@ -114,7 +114,7 @@ def run_on(machine, checkout, pytest_arguments):
         tempfile.TemporaryDirectory(prefix="pegpose_") as folder,
     ):
         report = Path(folder, "report.xml")
-        variables = {"PEGPOSE_OUTPUT": str(output), "IPYTHONDIR": str(output / "ipython")} | machine.variables
+        variables = running.output_variables(output) | machine.variables
         command = [machine.python, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--junitxml={report}"]
         command += ["-m", "digits", *pytest_arguments]
         before = _children_seconds()

@@ -28,11 +28,11 @@ from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernel
 from tqdm import tqdm
 
 from .agreement import files_agree
+from .exploring import WRITTEN
 from .results import replacing
 
 WORKERS = 2
 READS = {"07": "06"}  # numbers of notebooks that read the results of another, and of that
-FOLDERS = ("figures", "data/results")
 
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -78,11 +78,16 @@ def reproduce(notebooks, output, *, known_results=None, known="*", cell_timeout=
 def scratch_output(known_results=None, known="*"):
     """A temporary folder to be named by ``PEGPOSE_OUTPUT``, holding copies of known results of that pattern."""
     with tempfile.TemporaryDirectory(prefix="pegpose_", ignore_cleanup_errors=True) as folder:
-        for name in FOLDERS:
+        for name in WRITTEN:
             Path(folder, name).mkdir(parents=True)
         for path in Path(known_results).glob(known) if known_results is not None else ():
             shutil.copy(path, Path(folder, "data/results"))
         yield Path(folder)
+
+
+def output_variables(folder):
+    """The variables by which notebooks write into a folder, and are free of the settings of a user's IPython."""
+    return {"PEGPOSE_OUTPUT": str(folder), "IPYTHONDIR": str(folder / "ipython")}
 
 
 # --- execution ----------------------------------------------------------------------------------
@@ -165,7 +170,7 @@ class _Crew:
 
     def _environment(self):
         """The kernels' variables: where to write, and no settings of the user's IPython."""
-        return {**os.environ, "PEGPOSE_OUTPUT": str(self.scratch), "IPYTHONDIR": str(self.scratch / "ipython")}
+        return os.environ | output_variables(self.scratch)
 
     def _check(self, **_):
         if self.stopped.is_set():
@@ -203,7 +208,7 @@ def changed_files(scratch, output):
 
 def _files(folder):
     """All files of results and figures below a folder."""
-    return [path for name in FOLDERS for path in sorted((folder / name).rglob("*")) if path.is_file()]
+    return [path for name in WRITTEN for path in sorted((folder / name).rglob("*")) if path.is_file()]
 
 
 def _publish(scratch, output, *, all_files=False):

@@ -110,3 +110,28 @@ def test_set_up_says_what_it_is_about_to_do(checkout, monkeypatch, capsys):
     environment._announce()
     told = capsys.readouterr().out
     assert "with pip: 2 packages" in told and f"{environment.SECONDS['pip']} s" in told
+
+
+def test_another_python_has_an_environment_for_the_lock_as_it_is(checkout, monkeypatch):
+    folder, installed = checkout("a"), []
+    (folder / ".venv").mkdir()
+
+    def make(commands, task):
+        (folder / ".venv" / "python3.99").mkdir(exist_ok=True)
+
+    monkeypatch.setattr(environment.shutil, "which", lambda name: f"/usr/bin/{name}")
+    monkeypatch.setattr(environment.subprocess, "call", lambda *_, **__: 0)
+    monkeypatch.setattr(environment, "_run_first", make)
+    monkeypatch.setattr(environment, "_pip_install", lambda arguments, *_: installed.append(arguments))
+    for _ in range(2):
+        assert environment.python_of_version("3.99") == folder / ".venv" / "python3.99" / "bin" / "python"
+    assert installed == [["-r", environment.LOCK]]
+    environment.LOCK.write_text("numpy==2.4.6\n")
+    environment.python_of_version("3.99")
+    assert len(installed) == 2
+
+
+def test_a_python_that_is_not_there_has_no_environment(checkout, monkeypatch):
+    checkout("a")
+    monkeypatch.setattr(environment.shutil, "which", lambda name: None)
+    assert environment.python_of_version("3.99") is None
