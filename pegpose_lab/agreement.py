@@ -1,8 +1,8 @@
 """Whether two runs say the same: words to the letter, numbers to one unit of their last printed digit.
 
 Another processor adds in another order, so the last digit that is printed may be rounded the other way.  Numbers
-with a decimal point or an exponent are therefore compared as numbers; whole numbers are counts, and compared to the
-letter like all other text.  The notebooks' tests (`notebook_tests`) and ``reproduce`` (`running`) both ask here.
+of which one text prints a decimal point or an exponent are therefore compared as numbers; whole numbers are counts, and
+have to be equal like all other text.  The notebooks' tests (`notebook_tests`) and ``reproduce`` (`running`) both ask here.
 """
 
 import re
@@ -18,7 +18,7 @@ Some last digits in the titles of a small figure stay below it, a curve or a lab
 `test_agreement`); what data, labels and colours a figure has is compared by its digest.
 """
 
-_NUMBER = re.compile(r"(?<![\w.])[-+\u2212]?(?:\d+\.\d+(?:[eE][-+]?\d+)?|\d+[eE][-+]?\d+)(?![\d.]*\.?\d)")
+_NUMBER = re.compile(r"(?<![\w.])[-+\u2212]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\d.]*\.?\d)")
 _SPACES = re.compile(r"[ \t]+")
 
 
@@ -59,9 +59,10 @@ def _words(text):
 
 
 def _numbers_agree(stored, fresh):
-    """Whether two printed numbers differ by at most one unit of the last digit of the finer one."""
+    """Whether two printed numbers differ by at most one unit of the last digit of the finer one; whole numbers by none."""
     pair = [Decimal(text.replace("\u2212", "-")) for text in (stored, fresh)]
-    unit = Decimal(1).scaleb(min(number.as_tuple().exponent for number in pair))
+    whole = all(text.lstrip("-+\u2212").isdigit() for text in (stored, fresh))
+    unit = 0 if whole else Decimal(1).scaleb(min(number.as_tuple().exponent for number in pair))
     return abs(pair[0] - pair[1]) <= unit
 
 

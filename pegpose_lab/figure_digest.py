@@ -54,8 +54,8 @@ def figure_digest(fig):
     >>> print(figure_digest(fig))
     figure: 7 x 3.6 in
     axes 1
-      x 'x (mm)' 0.000e+00 to 2.000e+00
-      y 'y (mm)' 0.000e+00 to 4.000e+00
+      x 'x (mm)' 0.00e+00 to 2.00e+00
+      y 'y (mm)' 0.00e+00 to 4.00e+00
       line 'square' #1f77b4 -
         x of 3: mean 0.500 sd 0.408: 0.000 0.000 0.500 1.000 1.000
         y of 3: mean 0.417 sd 0.425: 0.000 0.000 0.250 1.000 1.000
@@ -88,16 +88,26 @@ def _axes(ax):
 
 def _axis(axis):
     """Label, scale, limits and the tick labels that the data do not give."""
-    low, high = axis.get_view_interval()[:: -1 if axis.get_inverted() else 1]
+    low, high = axis.get_view_interval()
     scale = "" if axis.get_scale() == "linear" else f" {axis.get_scale()}"
     ticks = [text.get_text() for text in axis.get_ticklabels()]
     fixed = f" {ticks}" if isinstance(axis.get_major_formatter(), (FixedFormatter, FuncFormatter)) and any(ticks) else ""
-    return f"{axis.get_label_text()!r}{scale} {_limit(low, high)} to {_limit(high, low)}{fixed}"
+    return f"{axis.get_label_text()!r}{scale} {_limits(low, high, bool(scale))}{fixed}"
 
 
-def _limit(value, other):
-    """One limit of an axis to four digits; zero where it is rounding noise beside the other."""
-    return f"{0.0 if abs(value) < 1e-9 * abs(other) else value:.3e}"
+def _limits(low, high, nonlinear):
+    """Both limits of an axis to a hundredth to a thousandth of its length; of another scale than a linear one to three
+    digits."""
+    if nonlinear:
+        return f"{low:.2e} to {high:.2e}"
+    decimals = 2 - _magnitude(high - low)
+    rounded = [round(float(limit), decimals) + 0.0 for limit in (low, high)]
+    return " to ".join(f"{limit:.{max(_magnitude(limit) + decimals, 1)}e}" for limit in rounded)
+
+
+def _magnitude(value):
+    """The power of ten of a value's first digit; 0 of zero."""
+    return int(np.floor(np.log10(abs(value)) + 1e-9)) if value else 0
 
 
 def _legend(legend):

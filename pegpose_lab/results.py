@@ -73,6 +73,8 @@ def write_table(folder, name, table, *, decimals=4):
     """Write a DataFrame as <name>.csv and .tex into `folder`, numbers rounded to `decimals`."""
     folder = Path(folder)
     rounded = table.round(decimals)
+    numbers = rounded.select_dtypes("float").columns
+    rounded[numbers] += 0.0  # no minus sign before zero
     with replacing(folder / f"{name}.csv") as path:
         rounded.to_csv(path, index=False, lineterminator="\n")
     with replacing(folder / f"{name}.tex") as path:

@@ -102,3 +102,15 @@ def test_what_lies_far_outside_is_told_as_outside():
         texts.append(figure_digest(fig))
         plt.close(fig)
     assert texts[0] == texts[1] and "-2.000" in texts[0]
+
+
+def test_limits_are_told_to_a_hundredth_of_the_axis():
+    fig, ax = plotting.figure()
+    ax.set(xlim=(960, 959), ylim=(1e-20, 40))
+    fig.draw_without_rendering()
+    x, y = (line for line in figure_digest(fig).splitlines() if " to " in line)
+    assert "9.6000e+02 to 9.5900e+02" in x and "0.0e+00 to 4.00e+01" in y
+    ax.set(xscale="log", xlim=(0.12345, 1e4), ylim=(-39.97, 0))
+    x, y = (line for line in figure_digest(fig).splitlines() if " to " in line)
+    assert "1.23e-01 to 1.00e+04" in x and "-4.00e+01 to 0.0e+00" in y
+    plt.close(fig)

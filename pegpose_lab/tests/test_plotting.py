@@ -122,6 +122,16 @@ def test_what_is_shown_is_what_is_saved(output, monkeypatch):
         assert data["text/plain"].endswith(image.info["Description"])
 
 
+def test_the_digest_tells_where_a_label_beside_a_point_is_saved(output, monkeypatch):
+    shown = []
+    monkeypatch.setattr(plotting, "display", lambda data, **options: shown.append(data["text/plain"]))
+    fig, ax = plotting.figure()
+    ax.set(xlim=(0, 1), ylim=(0, 1))
+    ax.annotate("peg 1", (0.5, 0.25), xytext=(0, 0), textcoords="offset points")
+    plotting.show_figure(fig, "07_scatter")
+    assert "text 'peg 1' at 0.500 0.250" in shown[0]
+
+
 # ---- style ----
 
 
