@@ -19,6 +19,7 @@ recovered by construction          the rendering was given this number, and the 
                                    method, and says nothing of the authors' board
 arithmetic of the printed numbers  it follows from other printed numbers alone, without a picture
 reproduced                         nothing was given that fixes it, and our result agrees within the tolerance
+not determined                     our result agrees, but depends on something that we chose and the paper does not print
 =================================  ===============================================================================
 
 One that does not gets the verdict in the column `otherwise`.  That is "contradicted" only where printed numbers alone
