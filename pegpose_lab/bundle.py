@@ -124,12 +124,11 @@ class Equations:
     def eliminated(self, damping=0.0):
         """S (k, k), and C^-1 B^T (V, 6, k) and C^-1 times the poses' gradient (V, 6, 1)."""
         k = len(self.a)
-        grown = 1 + damping
         c = self.c.copy()
-        c[:, range(6), range(6)] *= grown
+        np.einsum("vii->vi", c)[:] *= 1 + damping  # a view of the diagonals
         solved = np.linalg.solve(c, np.concatenate([self.b.transpose(0, 2, 1), self.pose_gradient[:, :, None]], axis=2))
         schur = self.a - (self.b @ solved[:, :, :k]).sum(axis=0)
-        schur[range(k), range(k)] += damping * np.diagonal(self.a)
+        np.einsum("ii->i", schur)[:] += damping * np.diagonal(self.a)
         return schur, solved[:, :, :k], solved[:, :, k:]
 
     def directions(self):

@@ -103,7 +103,7 @@ def board_poses(object_points, image_points, camera):
 
 def _minimum(camera, views, state):
     """The sum of squares and the state at the minimum that a start leads to; None if a point gets no image."""
-    model = _KnownCamera(camera)
+    model = TsaiModel.known(camera) if isinstance(camera, TsaiCamera) else _KnownOpenCVCamera(camera)
     if evaluate(model, views, state) is None:
         return None
     state, equations, _ = descend(model, views, state, views.used)
@@ -126,23 +126,18 @@ def _turn_between(first, second):
     return Rotation.from_matrix(first.rotations[0].T @ second.rotations[0]).magnitude()
 
 
-class _KnownCamera:
-    """A camera of which nothing is free, as a lens model."""
+class _KnownOpenCVCamera:
+    """An `OpenCVCamera` of which nothing is free, as a lens model."""
 
     names = []
 
     def __init__(self, camera):
         self.camera = camera
-        self.tsai = TsaiModel(camera, False, False) if isinstance(camera, TsaiCamera) else None
 
     def project(self, shared, points):
         """As `TsaiModel.project`."""
-        nothing = np.zeros((len(points), 2, 0))
-        if self.tsai:
-            projection = self.tsai.project(np.array([self.camera.focal_length, self.camera.kappa1]), points)
-            return projection and (projection[0], nothing, projection[2])
         if points[:, 2].min() <= 0:
             return None
         normalized = points[:, :2] / points[:, 2:]
         image, by_normalized = self.camera.image_and_derivative(normalized)
-        return image, nothing, derivative_by_point(by_normalized, normalized, 1.0, points)
+        return image, np.zeros((len(points), 2, 0)), derivative_by_point(by_normalized, normalized, 1.0, points)
