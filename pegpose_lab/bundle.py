@@ -163,8 +163,11 @@ def minimise(model, views, state, weights):
     return state, equations
 
 
-def descend(model, views, state, weights):
-    """Levenberg and Marquardt's method: the last state, its `Equations`, and whether it is a minimum."""
+def descend(model, views, state, weights, leave=None):
+    """Levenberg and Marquardt's method: the last state, its `Equations`, and whether it is a minimum.
+
+    The search ends early at a state for which `leave`, if given, is true.
+    """
     evaluated = evaluate(model, views, state)
     if evaluated is None:
         raise CalibrationError("the starting solution does not see all points; check their order")
@@ -180,6 +183,8 @@ def descend(model, views, state, weights):
             gain = min((equations.cost - found.cost) / promised, 1.0)
             damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
             state, equations = trial, found
+            if leave and leave(state):
+                return state, equations, False
         else:
             damping, growth = damping * growth, 2 * growth
         if promised <= SMALL_STEP**2 * noise and damping < 1 or equations.cost <= floor:

@@ -92,8 +92,9 @@ def board_poses(object_points, image_points, camera):
     found = [minimum for minimum in [_minimum(camera, views, state)] if minimum]
     if is_planar(object_points):
         mirrored = _mirrored(found[0][1] if found else state, plane_rotation(object_points))
-        other = _minimum(camera, views, mirrored)
-        if other and not (found and _turn_between(found[0][1], other[1]) < SAME_POSE):
+        back = (lambda state: _turn_between(found[0][1], state) < SAME_POSE) if found else None
+        other = _minimum(camera, views, mirrored, back)
+        if other and not (found and back(other[1])):
             found.append(other)
     if not found:
         raise CalibrationError("no pose sees all points in front of the camera; check that both lists are in one order")
@@ -101,12 +102,15 @@ def board_poses(object_points, image_points, camera):
     return [BoardPose(state.poses(views)[0], float(np.sqrt(cost / len(object_points)))) for cost, state in found]
 
 
-def _minimum(camera, views, state):
-    """The sum of squares and the state at the minimum that a start leads to; None if a point gets no image."""
+def _minimum(camera, views, state, leave=None):
+    """The sum of squares and the state at the minimum that a start leads to; None if a point gets no image.
+
+    The way there ends early at a state for which `leave`, if given, is true.
+    """
     model = TsaiModel.known(camera) if isinstance(camera, TsaiCamera) else _KnownOpenCVCamera(camera)
     if evaluate(model, views, state) is None:
         return None
-    state, equations, _ = descend(model, views, state, views.used)
+    state, equations, _ = descend(model, views, state, views.used, leave)
     return equations.cost, state
 
 
