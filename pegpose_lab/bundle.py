@@ -124,12 +124,11 @@ class Equations:
     def eliminated(self, damping=0.0):
         """S (k, k), and C^-1 B^T (V, 6, k) and C^-1 times the poses' gradient (V, 6, 1)."""
         k = len(self.a)
-        grown = 1 + damping
         c = self.c.copy()
-        c[:, range(6), range(6)] *= grown
+        np.einsum("vii->vi", c)[:] *= 1 + damping  # a view of the diagonals
         solved = np.linalg.solve(c, np.concatenate([self.b.transpose(0, 2, 1), self.pose_gradient[:, :, None]], axis=2))
         schur = self.a - (self.b @ solved[:, :, :k]).sum(axis=0)
-        schur[range(k), range(k)] += damping * np.diagonal(self.a)
+        np.einsum("ii->i", schur)[:] += damping * np.diagonal(self.a)
         return schur, solved[:, :, :k], solved[:, :, k:]
 
     def directions(self):
@@ -164,8 +163,11 @@ def minimise(model, views, state, weights):
     return state, equations
 
 
-def descend(model, views, state, weights):
-    """Levenberg and Marquardt's method: the last state, its `Equations`, and whether it is a minimum."""
+def descend(model, views, state, weights, leave=None):
+    """Levenberg and Marquardt's method: the last state, its `Equations`, and whether it is a minimum.
+
+    The search ends early at a state for which `leave`, if given, is true.
+    """
     evaluated = evaluate(model, views, state)
     if evaluated is None:
         raise CalibrationError("the starting solution does not see all points; check their order")
@@ -181,6 +183,8 @@ def descend(model, views, state, weights):
             gain = min((equations.cost - found.cost) / promised, 1.0)
             damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
             state, equations = trial, found
+            if leave and leave(state):
+                return state, equations, False
         else:
             damping, growth = damping * growth, 2 * growth
         if promised <= SMALL_STEP**2 * noise and damping < 1 or equations.cost <= floor:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import stdtrit
 
 from .calibration_files import read_calibration, write_calibration
 from .camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
@@ -182,4 +182,4 @@ def judge_image_size(camera, image_points):
 
 
 def _half_interval(covariance, name, freedom):
-    return stats.t.ppf(0.975, freedom) * np.sqrt(covariance.loc[name, name])
+    return stdtrit(freedom, 0.975) * np.sqrt(covariance.loc[name, name])

@@ -32,6 +32,8 @@ def max_undistorted_radius(kappa1):
     r_d = 1 / sqrt(-3 kappa1); scene points beyond that radius have no image.
     """
     kappa1 = np.asarray(kappa1, dtype=np.float64)
+    if kappa1.ndim == 0:
+        return np.array(2 / (3 * np.sqrt(-3 * kappa1)) if kappa1 < 0 else np.inf)
     negative = np.minimum(kappa1, -np.finfo(float).tiny)
     return np.where(kappa1 < 0, 2 / (3 * np.sqrt(-3 * negative)), np.inf)
 
@@ -58,19 +60,26 @@ def distort_radius(radius, kappa1):
     radius, kappa1 = np.asarray(radius, np.float64), np.asarray(kappa1, np.float64)
     scale = np.sqrt(3 * np.maximum(np.abs(kappa1), np.finfo(float).tiny))
     argument = 1.5 * radius * scale
-    root = np.sinh(np.arcsinh(argument) / 3)
-    pincushion = np.broadcast_to(kappa1 < 0, root.shape)
-    if pincushion.any():
-        third = np.arcsin(np.minimum(argument, 1.0), where=pincushion, out=np.zeros(root.shape)) / 3
-        root = np.sin(third, where=pincushion, out=np.array(root))
+    pincushion = kappa1 < 0
+    if not np.any(pincushion):
+        root = np.sinh(np.arcsinh(argument) / 3)
+    elif np.all(pincushion):
+        root = np.sin(np.arcsin(np.minimum(argument, 1.0)) / 3)
+    else:  # each form where it holds, for they take most of the time
+        barrel, pincushion = (np.broadcast_to(chosen, argument.shape) for chosen in (~pincushion, pincushion))
+        third = np.arcsinh(argument, where=barrel, out=np.zeros(argument.shape))
+        third = np.arcsin(np.minimum(argument, 1.0), where=pincushion, out=third) / 3
+        root = np.sinh(third, where=barrel, out=np.zeros(argument.shape))
+        root = np.sin(third, where=pincushion, out=root)
     root = root * (2 / scale)
     if np.any(kappa1 == 0):
         root = np.where(kappa1 == 0, radius, root)
     stretch = kappa1 * root**2
     excess, slope = root * (1 + stretch) - radius, 1 + 3 * stretch
-    reachable = radius <= max_undistorted_radius(kappa1) * (1 - 1e-6)  # at the turning point the slope is 0
-    if not np.all(reachable):
-        excess, slope = np.where(reachable, excess, 0.0), np.where(reachable, slope, 1.0)
+    if np.any(pincushion):
+        reachable = radius <= max_undistorted_radius(kappa1) * (1 - 1e-6)  # at the turning point the slope is 0
+        if not np.all(reachable):
+            excess, slope = np.where(reachable, excess, 0.0), np.where(reachable, slope, 1.0)
     return root - excess / slope
 
 

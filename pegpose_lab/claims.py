@@ -38,7 +38,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy import stats
+from scipy.special import ndtri, stdtrit
 
 from . import paper, results
 
@@ -130,11 +130,11 @@ def _tolerance(identifier, rule):
     if kind in ("mean", "sd"):
         first, last = (int(frame) for frame in frames.split("-"))
         count, sd = last - first + 1, paper.printed(f"T3.sd.{frames}")
-        mean = stats.t.ppf(_LEVEL, count - 1) * sd / np.sqrt(count)
-        return float(mean if kind == "mean" else stats.norm.ppf(_LEVEL) * sd / np.sqrt(2 * (count - 1)))
+        mean = stdtrit(count - 1, _LEVEL) * sd / np.sqrt(count)
+        return float(mean if kind == "mean" else ndtri(_LEVEL) * sd / np.sqrt(2 * (count - 1)))
     if kind == "share":
         share = paper.printed(identifier) / 100
-        return float(100 * stats.norm.ppf(_LEVEL) * np.sqrt(share * (1 - share) / paper.corner_count()))
+        return float(100 * ndtri(_LEVEL) * np.sqrt(share * (1 - share) / paper.corner_count()))
     return {"input": np.nan, "at most": 0.0}[kind] if kind != "within" else float(rule["tolerance"])
 
 

@@ -7,7 +7,7 @@ larger than its own noise, the noise makes it, more so with every view, and f is
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtri
 
 from .bundle import Equations, State, Views, descend, evaluate, in_words, minimise
 from .calibration import MINIMUM_POINTS, Calibration, judge_focal_length, judge_image_size, judge_principal_point, pose_names
@@ -149,7 +149,7 @@ def profile_focal_length(object_points, image_points, camera, *, principal_point
     fit = fit_views(lens_model(camera, principal_point == "free", False, None), object_points, image_points)
     _demand_tilt(fit, object_points)
     _demand_signal(fit)
-    limit = fit.equations.cost * (1 + stats.f.ppf(level, 1, fit.freedom) / fit.freedom)
+    limit = fit.equations.cost * (1 + fdtri(1, fit.freedom, level) / fit.freedom)
     best, ends = fit.state.shared[0], []
     for direction in (-1, 1):
         state, inside, factor = fit.state, best, np.exp(direction * PROFILE_STEP)

@@ -33,12 +33,20 @@ class TsaiModel:
         self.names = [name for name, kept in zip(("focal_length", "scale_x", "kappa1", "c_x", "c_y"), free) if kept]
         self.columns = np.flatnonzero(free)
 
+    @classmethod
+    def known(cls, camera):
+        """The model of a camera of which nothing is free."""
+        model = cls(camera, False, False)
+        model.names, model.columns = [], np.zeros(0, int)
+        return model
+
     def start(self, focal_length):
         values = [focal_length, self.start_camera.scale_x, 0.0, *self.start_camera.principal_point]
         return np.array(values)[self.columns]
 
     def _values(self, shared):
-        values = [self.start_camera.focal_length, self.start_camera.scale_x, 0.0, *self.start_camera.principal_point]
+        camera = self.start_camera
+        values = [camera.focal_length, camera.scale_x, camera.kappa1, *camera.principal_point]
         for column, value in zip(self.columns, shared, strict=True):
             values[column] = value
         return values
@@ -57,29 +65,31 @@ class TsaiModel:
         :math:`dx_d/dx_u = h I - (2 \kappa_1 h^3 / s) x_u x_u^T` and
         :math:`dx_d/d\kappa_1 = -(h r_d^2 / s) x_u`.
         """
-        if min(self._values(shared)[:2]) <= 0 or points[:, 2].min() <= 0:
+        focal_length, scale_x, kappa1, *center = self._values(shared)
+        if min(focal_length, scale_x) <= 0 or points[:, 2].min() <= 0:
             return None
-        camera = self.camera(shared)
-        x_u = camera.focal_length / points[:, 2:] * points[:, :2]
+        x_u = focal_length / points[:, 2:] * points[:, :2]
         radius = np.hypot(*x_u.T)
-        if radius.max() > max_undistorted_radius(camera.kappa1):
+        if radius.max() > max_undistorted_radius(kappa1):
             return None
-        squared = distort_radius(radius, camera.kappa1)[:, None] ** 2
-        h, s = 1 / (1 + camera.kappa1 * squared), 1 + 3 * camera.kappa1 * squared
+        squared = distort_radius(radius, kappa1)[:, None] ** 2
+        h, s = 1 / (1 + kappa1 * squared), 1 + 3 * kappa1 * squared
         if s.min() <= 0:
             return None
-        scale = camera.pixels_per_mm
-        by_x_u = (-2 * camera.kappa1 * h**3 / s)[:, :, None] * x_u[:, :, None] * x_u[:, None, :]
-        by_x_u[:, (0, 1), (0, 1)] += h
+        scale = np.array([scale_x, 1.0]) / self.start_camera.pixel_pitch  # as of the camera with these values
+        by_x_u = (-2 * kappa1 * h**3 / s)[:, :, None] * x_u[:, :, None] * x_u[:, None, :]
+        by_x_u[:, 0, 0] += h[:, 0]
+        by_x_u[:, 1, 1] += h[:, 0]
         by_x_u *= scale[:, None]
         x_d = h * x_u
         by_shared = np.zeros((len(points), 2, 5))
-        by_shared[:, :, 0] = (by_x_u @ x_u[:, :, None])[:, :, 0] / camera.focal_length
-        by_shared[:, 0, 1] = x_d[:, 0] * scale[0] / camera.scale_x
-        by_shared[:, :, 2] = scale * (-h * squared / s) * x_u
-        by_shared[:, 0, 3] = by_shared[:, 1, 4] = 1
-        by_point = derivative_by_point(by_x_u, x_u, camera.focal_length, points)
-        return camera.to_image(x_d), by_shared[:, :, self.columns], by_point
+        if len(self.columns):
+            by_shared[:, :, 0] = (by_x_u @ x_u[:, :, None])[:, :, 0] / focal_length
+            by_shared[:, 0, 1] = x_d[:, 0] * scale[0] / scale_x
+            by_shared[:, :, 2] = scale * (-h * squared / s) * x_u
+            by_shared[:, 0, 3] = by_shared[:, 1, 4] = 1
+        by_point = derivative_by_point(by_x_u, x_u, focal_length, points)
+        return x_d * scale + center, by_shared[:, :, self.columns], by_point
 
 
 class OpenCVModel:

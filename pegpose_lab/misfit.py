@@ -21,7 +21,7 @@ Where both speak, that explanation is told which leaves the smaller variance.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtrc
 
 from .bundle import SMALLEST_RMS, Equations, evaluate
 from .checks import CalibrationError
@@ -126,7 +126,12 @@ def _statistic(fit, squares, number):
 
 def _tail(fit, squares, number):
     """Chance of such an F, or a larger one, if the lens is of the fitted model."""
-    return stats.f.sf(_statistic(fit, squares, number), number, fit.freedom - number)
+    return _f_tail(_statistic(fit, squares, number), number, fit.freedom - number)
+
+
+def _f_tail(ratio, number, freedom):
+    """Chance of an F of at least this ratio."""
+    return fdtrc(number, freedom, np.maximum(ratio, 0))
 
 
 def _scores(fit, candidates):
@@ -250,7 +255,7 @@ def _stands_out(with_it, rest, number):
     """Whether the view by which two fits differ fits worse than the rest, one of a number of views."""
     freedom = with_it.freedom - rest.freedom
     ratio = (with_it.squares - rest.squares) / freedom / rest.variance
-    return ratio > STANDS_OUT and stats.f.sf(ratio, freedom, rest.freedom) < LEVEL / number
+    return ratio > STANDS_OUT and _f_tail(ratio, freedom, rest.freedom) < LEVEL / number
 
 
 def _view_sentence(fit, views, rest):

@@ -92,8 +92,9 @@ def board_poses(object_points, image_points, camera):
     found = [minimum for minimum in [_minimum(camera, views, state)] if minimum]
     if is_planar(object_points):
         mirrored = _mirrored(found[0][1] if found else state, plane_rotation(object_points))
-        other = _minimum(camera, views, mirrored)
-        if other and not (found and _turn_between(found[0][1], other[1]) < SAME_POSE):
+        back = (lambda state: _turn_between(found[0][1], state) < SAME_POSE) if found else None
+        other = _minimum(camera, views, mirrored, back)
+        if other and not (found and back(other[1])):
             found.append(other)
     if not found:
         raise CalibrationError("no pose sees all points in front of the camera; check that both lists are in one order")
@@ -101,12 +102,15 @@ def board_poses(object_points, image_points, camera):
     return [BoardPose(state.poses(views)[0], float(np.sqrt(cost / len(object_points)))) for cost, state in found]
 
 
-def _minimum(camera, views, state):
-    """The sum of squares and the state at the minimum that a start leads to; None if a point gets no image."""
-    model = _KnownCamera(camera)
+def _minimum(camera, views, state, leave=None):
+    """The sum of squares and the state at the minimum that a start leads to; None if a point gets no image.
+
+    The way there ends early at a state for which `leave`, if given, is true.
+    """
+    model = TsaiModel.known(camera) if isinstance(camera, TsaiCamera) else _KnownOpenCVCamera(camera)
     if evaluate(model, views, state) is None:
         return None
-    state, equations, _ = descend(model, views, state, views.used)
+    state, equations, _ = descend(model, views, state, views.used, leave)
     return equations.cost, state
 
 
@@ -126,23 +130,18 @@ def _turn_between(first, second):
     return Rotation.from_matrix(first.rotations[0].T @ second.rotations[0]).magnitude()
 
 
-class _KnownCamera:
-    """A camera of which nothing is free, as a lens model."""
+class _KnownOpenCVCamera:
+    """An `OpenCVCamera` of which nothing is free, as a lens model."""
 
     names = []
 
     def __init__(self, camera):
         self.camera = camera
-        self.tsai = TsaiModel(camera, False, False) if isinstance(camera, TsaiCamera) else None
 
     def project(self, shared, points):
         """As `TsaiModel.project`."""
-        nothing = np.zeros((len(points), 2, 0))
-        if self.tsai:
-            projection = self.tsai.project(np.array([self.camera.focal_length, self.camera.kappa1]), points)
-            return projection and (projection[0], nothing, projection[2])
         if points[:, 2].min() <= 0:
             return None
         normalized = points[:, :2] / points[:, 2:]
         image, by_normalized = self.camera.image_and_derivative(normalized)
-        return image, nothing, derivative_by_point(by_normalized, normalized, 1.0, points)
+        return image, np.zeros((len(points), 2, 0)), derivative_by_point(by_normalized, normalized, 1.0, points)

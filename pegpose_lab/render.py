@@ -240,7 +240,7 @@ def _shade_base(points, hub, look):
     squared_radius = _dot(points, points)
     on_base = np.flatnonzero(squared_radius < hub.radius**2)
     grey = np.full(len(x), look.background, np.float32)
-    grey[on_base] = _turned_metal(x[on_base], y[on_base], hub, look)
+    grey[on_base] = _turned_metal(x.take(on_base), y.take(on_base), hub, look)
     part = np.zeros(len(x), np.uint8)
     part[on_base] = _BASE
     _paint(squared_radius < hub.bore_radius**2, look.bore, _BORE, grey, part)
@@ -265,17 +265,19 @@ def _raise_pegs(top, base, hub, look, grey, part):
     reach = hub.peg_radius + float(longest)
     for index, center in enumerate(hub.peg_centers):
         near = np.flatnonzero((np.abs(top[0] - float(center[0])) < reach) & (np.abs(top[1] - float(center[1])) < reach))
-        start = _offset(top[:, near], center)
-        on_top = _dot(start, start) < hub.peg_radius**2
-        grey[near[on_top]] = look.peg
-        part[near[on_top]] = _TOP + index
-        near, start = near[~on_top], start[:, ~on_top]
-        leg = base[:, near] - top[:, near]
+        start = _offset(top.take(near, axis=1), center)  # take: several times as fast as an index here
+        is_top = _dot(start, start) < hub.peg_radius**2
+        on_top, beside = near[is_top], np.flatnonzero(~is_top)
+        grey[on_top] = look.peg
+        part[on_top] = _TOP + index
+        near, start = near.take(beside), start.take(beside, axis=1)
+        leg = base.take(near, axis=1) - top.take(near, axis=1)
         along = np.clip(-_dot(start, leg) / np.maximum(_dot(leg, leg), np.float32(1e-30)), 0, 1)
         nearest = start + along * leg
-        on_wall = _dot(nearest, nearest) < hub.peg_radius**2
-        grey[near[on_wall]] = _wall_level(start[:, on_wall], leg[:, on_wall], hub, look)
-        part[near[on_wall]] = _WALL
+        met = np.flatnonzero(_dot(nearest, nearest) < hub.peg_radius**2)
+        on_wall = near.take(met)
+        grey[on_wall] = _wall_level(start.take(met, axis=1), leg.take(met, axis=1), hub, look)
+        part[on_wall] = _WALL
 
 
 def _wall_level(start, leg, hub, look):

@@ -212,7 +212,7 @@ def _solve(points, sensor_points, shift):
     planar = points.shape[1] == 2
     if planar and tilt < SMALLEST_TILT:
         raise _fronto_parallel(tilt)
-    sigma, sine_sigma = _propagate(points, sensor_points, ratios)
+    sigma, sine_sigma = _propagate(points, sensor_points, ratios, rotation, translation)
     if planar and _squared_sine(rotation) < TILT_SIGNIFICANCE * sine_sigma:
         raise _fronto_parallel(tilt)
     _demand_view(points, rotation, translation, focal_length)
@@ -306,8 +306,10 @@ def _squared_sine(rotation):
     return np.sum(rotation.as_matrix()[2, :2] ** 2)
 
 
-def _propagate(points, sensor_points, ratios):
+def _propagate(points, sensor_points, ratios, rotation, translation):
     """Standard deviations of f and of sin^2(tilt), from the noise that the radial alignment shows.
+
+    Rotation and translation are those of `_estimate`.
 
     Distortion moves a point along its radius, so it is not mistaken for noise.  First order: the noise
     moves the ratios, and with them R, T_y and f, and it moves the y_d from which f is solved.
@@ -319,7 +321,6 @@ def _propagate(points, sensor_points, ratios):
     scale = _column_norms(design)
     inverse = np.linalg.pinv(design / scale) / scale[:, None]
     by_residual = -_gradient(points, sensor_points, ratios, scale) @ inverse
-    rotation, translation, _, _ = _estimate(points, sensor_points, ratios)
     depth = points @ rotation.as_matrix()[2, : points.shape[1]] + translation[2]
     direct = _depth_inverse(points, sensor_points, rotation, translation[1])[0] * depth
     by_y = by_residual * x_c + np.array([direct, np.zeros(len(points))])

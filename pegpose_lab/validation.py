@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pandas as pd
-from scipy.stats import binned_statistic
 
 from .camera import OpenCVCamera
 from .checks import CalibrationError, as_count, as_number, as_points
@@ -137,6 +136,8 @@ def radial_profile(calibration, image_points, rings=8):
         If there are fewer than `LEAST_IN_RING` points in a ring, so also where many have one radius, or other points
         than residuals.
     """
+    from scipy.stats import binned_statistic  # here, for scipy.stats takes the longest of all imports
+
     rings = as_count(rings, "rings", 1)
     if not calibration.residuals:
         raise ValueError("calibration has no residuals; it was read from a file that keeps the camera only")
