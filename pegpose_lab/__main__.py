@@ -53,7 +53,7 @@ def _results():
 
 def _reproduce(options):
     """Run the notebooks, move what they wrote into place, and compare it with the paper."""
-    from pegpose_lab import running
+    from . import running
 
     _check_writable(options.output)
     notebooks = _choose(options.notebooks)
@@ -88,7 +88,7 @@ def _choose(patterns):
 
 def _report(options):
     """Compare the results with the paper, in claims.csv, in the two READMEs and on the screen."""
-    from pegpose_lab import claims, front_page
+    from . import claims, front_page
 
     table = claims.write_claims(options.output / "data" / "results")
     if options.output == CHECKOUT:
@@ -102,7 +102,7 @@ def _test(options):
     """Run the unit tests, and every notebook against its stored outputs; here, or on emulated machines."""
     import pytest
 
-    from pegpose_lab import running
+    from . import running
 
     os.chdir(CHECKOUT)
     if options.processors is not None:
@@ -118,7 +118,7 @@ def _test(options):
 
 def _notebook_testing():
     """pytest's arguments for running and comparing notebooks."""
-    from pegpose_lab import running
+    from . import running
 
     return [
         *("-n", str(running.WORKERS), "--dist", "loadscope"),
@@ -129,7 +129,7 @@ def _notebook_testing():
 
 def _test_processors(names, extra):
     """Run the notebooks and the tests of digits on emulated machines; print a table."""
-    from pegpose_lab import processors
+    from . import processors
 
     machines = processors.emulated_machines()
     if names:
@@ -155,7 +155,7 @@ def _bench(options):
     if not options.quick:
         _check_writable(options.output)
     environment.add_bench_packages()
-    from pegpose_lab import bench, front_page, results
+    from . import bench, front_page, results
 
     readme = _results() / "README.md" if options.output == CHECKOUT and not options.quick else None
     if readme:

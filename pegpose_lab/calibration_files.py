@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from .camera import OpenCVCamera, TsaiCamera
 from .checks import as_points
-from .results import replacing
+from .files import replacing
 
 FILE_FORMAT = "pegpose_lab calibration 1"
 ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}

@@ -40,7 +40,7 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtri, stdtrit
 
-from . import paper, results
+from . import files, paper, results
 
 RECOVERED, ARITHMETIC, REPRODUCED = "recovered by construction", "arithmetic of the printed numbers", "reproduced"
 VERDICTS = (RECOVERED, ARITHMETIC, REPRODUCED, "contradicted", "not determined", "input")
@@ -187,9 +187,9 @@ def write_claims(results_folder):
     """Write claims.csv and claims.tex into `results_folder`, from the values saved there; return the table."""
     table = claims_table(results.load_values(results_folder))
     text, folder = _as_text(table), Path(results_folder)
-    with results.replacing(folder / "claims.csv") as path:
+    with files.replacing(folder / "claims.csv") as path:
         text.to_csv(path, index=False, lineterminator="\n")
-    with results.replacing(folder / "claims.tex") as path:
+    with files.replacing(folder / "claims.tex") as path:
         path.write_text(results.latex(text), encoding="utf-8")
     return table
 

@@ -14,7 +14,7 @@ import pandas as pd
 import pooch
 
 from .checks import as_matched_points
-from .results import PROJECT_FOLDER, replacing
+from .files import PROJECT_FOLDER, replacing
 
 REGISTRY = PROJECT_FOLDER / "data" / "datasets.csv"
 _CORNER_COLUMNS = ["view", "i", "X", "Y", "u", "v"]

@@ -14,7 +14,7 @@ import pandas as pd
 from . import paper
 from .checks import as_choice, as_count, as_number
 from .experiment import paper_experiment
-from .results import PROJECT_FOLDER, replacing
+from .files import PROJECT_FOLDER, replacing
 from .two_stage import calibrate_genetic
 
 GIVEN = ("mean", "rms")

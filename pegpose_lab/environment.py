@@ -4,7 +4,6 @@ Like ``__main__.py`` this file has to run on a bare Python: it imports the stand
 """
 
 import hashlib
-import importlib.metadata
 import importlib.util
 import json
 import os

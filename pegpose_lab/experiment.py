@@ -25,9 +25,9 @@ from . import paper
 from .camera import TsaiCamera
 from .checks import CalibrationError, DetectionError, as_count, as_number
 from .corners import find_corners
+from .files import PROJECT_FOLDER, replacing
 from .joint import calibrate_joint
 from .render import render_board, render_hub
-from .results import PROJECT_FOLDER, replacing
 from .targets import Checkerboard, Hub
 from .two_stage import calibrate_genetic, calibrate_tsai
 from .zhang import calibrate_zhang
@@ -151,6 +151,7 @@ def paper_experiment(**changes):
 
 
 # --- Monte Carlo ---------------------------------------------------------------------------------------
+
 
 METHODS = ("tsai", "genetic", "zhang", "joint")
 """Methods of `monte_carlo`; the first two get the first of the views alone, and the true principal point."""

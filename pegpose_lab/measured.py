@@ -15,9 +15,9 @@ from .circles import find_circles
 from .corners import find_corners
 from .datasets import dataset, read_corners, write_corners
 from .edges import fit_discs
+from .files import PROJECT_FOLDER, replacing
 from .joint import calibrate_joint
 from .render import true_disc
-from .results import PROJECT_FOLDER, replacing
 from .segmentation import segment
 from .targets import Checkerboard
 from .validation import sensitivity

@@ -13,7 +13,7 @@ from matplotlib.colors import to_rgba
 from matplotlib.patches import Ellipse
 
 from .figure_digest import figure_digest
-from .results import output_folder, replacing
+from .files import output_folder, replacing
 
 COLORS = {
     "paper": "#000000",

@@ -4,64 +4,16 @@ Everything is written below one folder: the one that the environment variable ``
 the checkout.  A file is written under a temporary name and then renamed, so a reader never meets half a file.
 """
 
-import os
-import secrets
-import stat
-from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pandas as pd
 
 from .checks import as_number
+from .files import output_folder, replacing
 
 _LATEX = {character: "\\" + character for character in "&%_#${}"} | {
     "\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"
 }
-
-PROJECT_FOLDER = Path(__file__).resolve().parents[1]
-
-
-def output_folder():
-    """Folder below which figures/ and data/results/ are written."""
-    return Path(os.environ.get("PEGPOSE_OUTPUT") or PROJECT_FOLDER)
-
-
-@contextmanager
-def replacing(path):
-    """Yield a temporary path beside `path`; rename it to `path` if the block succeeds, else remove it.
-
-    The file is as a plain `open` would leave it: a link goes on pointing to what is replaced, a file that was there
-    keeps its mode and owner, and a new one has the mode that the umask gives.
-    """
-    path = Path(os.path.realpath(path))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    before = path.stat() if path.exists() else None
-    part = _new_file_beside(path, stat.S_IMODE(before.st_mode) if before else 0o666)
-    try:
-        yield part
-        if before:
-            _give_back(part, before)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def _new_file_beside(path, mode):
-    """Make an empty hidden file in the folder of `path`, which nobody may read who may not read `path`."""
-    part = path.with_name(f".{secrets.token_hex(8)}{path.suffix}")
-    os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode | stat.S_IWUSR))  # less the umask
-    return part
-
-
-def _give_back(part, before):
-    """Give a file the owner and mode of another, as far as the file system knows them."""
-    now = part.stat()
-    if (now.st_uid, now.st_gid) != (before.st_uid, before.st_gid):
-        with suppress(OSError):
-            os.chown(part, before.st_uid, before.st_gid)
-    if now.st_mode != before.st_mode:
-        with suppress(OSError):
-            os.chmod(part, stat.S_IMODE(before.st_mode))
 
 
 def save_table(name, table, *, decimals=4):

@@ -21,10 +21,15 @@ from .calibration import Calibration
 from .camera import TsaiCamera
 from .checks import CalibrationError
 from .corners import find_corners
+from .files import replacing
 from .joint import calibrate_dlt, calibrate_joint
-from .results import replacing
 from .two_stage import (
-    BOX, TwoStageObjective, calibrate_genetic, calibrate_tsai, optimum_in_box, repeat_calibration,
+    BOX,
+    TwoStageObjective,
+    calibrate_genetic,
+    calibrate_tsai,
+    optimum_in_box,
+    repeat_calibration,
 )
 from .validation import held_out_distances, leave_one_out
 from .zhang import calibrate_zhang

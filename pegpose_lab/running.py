@@ -29,7 +29,7 @@ from tqdm import tqdm
 
 from .agreement import files_agree
 from .exploring import WRITTEN
-from .results import replacing
+from .files import replacing
 
 WORKERS = 2
 READS = {"07": "06"}  # numbers of notebooks that read the results of another, and of that

@@ -34,9 +34,19 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from . import measured, peers
-from .bench_circles import DISC_COLUMNS, MAIN, RADIUS_RANGE, SEED, TARGET_NOISE, WORKERS, draw_frame, one_thread, score
+from .bench_circles import (
+    DISC_COLUMNS,
+    MAIN,
+    RADIUS_RANGE,
+    SEED,
+    TARGET_NOISE,
+    WORKERS,
+    draw_frame,
+    one_thread,
+    score,
+)
+from .files import replacing
 from .render import expose
-from .results import replacing
 
 COMMAND = "python3 -m pegpose_lab.tuning"
 SETTINGS_FILE = "peer_settings.csv"

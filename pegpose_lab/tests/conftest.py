@@ -8,7 +8,8 @@ import pytest
 from hypothesis import settings
 
 from pegpose_lab import running
-from pegpose_lab.__main__ import CHECKOUT, FIXED_VARIABLES
+from pegpose_lab.__main__ import FIXED_VARIABLES
+from pegpose_lab.environment import CHECKOUT
 
 # No deadlines: a busy machine is no bug. On CI the same examples every time.
 settings.register_profile("pegpose_lab", deadline=None, derandomize=bool(os.environ.get("CI")))

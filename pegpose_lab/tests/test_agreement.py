@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pegpose_lab import plotting
+from pegpose_lab import figure_digest, plotting
 from pegpose_lab.agreement import IMAGE_TOLERANCE, files_agree, texts_agree
 from pegpose_lab.notebook_tests import PrintedText
 
@@ -99,7 +99,7 @@ def _figure(folder, name, change=lambda ax: None, shift=0.0):
     change(ax)
     fig.draw_without_rendering()
     path = folder / f"{name}.png"
-    fig.savefig(path, dpi=plotting.DPI, metadata={"Description": plotting.figure_digest(fig)})
+    fig.savefig(path, dpi=plotting.DPI, metadata={"Description": figure_digest.figure_digest(fig)})
     plt.close(fig)
     return path
 

@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab import bench, environment, peers
-
+from pegpose_lab import bench, bench_circles, environment, peers
 
 # ---- report ----
 
@@ -23,7 +22,7 @@ def _report(**changes):
         "visible": 100.0, "arc_bound": 1.0, "center_arc": 1.0, "radius_arc": 1.0, "center_sd": 1.0,
         "radius_sd": 1.0, "coverage": 95.0,
     }  # fmt: skip
-    circles = pd.DataFrame([{"scene": scene.name} | row | changes for scene in bench.SCENES])
+    circles = pd.DataFrame([{"scene": scene.name} | row | changes for scene in bench_circles.SCENES])
     methods = pd.DataFrame(
         {"method": [peers.OURS, "EdgeDrawing"], "memory_mb": [99.0, np.nan], "missing": ["", "not installed"]}
     )
@@ -37,7 +36,7 @@ def _report(**changes):
     return bench.Report(*tables, rivals, bench.judge(*tables))
 
 
-EVERY_SCENE = [scene.name for scene in bench.SCENES]
+EVERY_SCENE = [scene.name for scene in bench_circles.SCENES]
 
 
 def test_targets_are_met_at_their_limits():
@@ -114,7 +113,7 @@ def test_report_is_written_whole_and_read_back(tmp_path):
 
 
 def test_committed_readme_shows_the_committed_results():
-    checkout = commands.CHECKOUT
+    checkout = environment.CHECKOUT
     assert bench.readme_is_current(checkout / "data" / "results" / "README.md", checkout / "data" / "results")
 
 
@@ -197,7 +196,7 @@ def test_optional_group_has_the_peers():
 
 
 def test_no_module_but_the_benchmark_knows_the_peers():
-    package = commands.CHECKOUT / "pegpose_lab"
+    package = environment.CHECKOUT / "pegpose_lab"
     users = {
         path.stem for path in package.glob("*.py")
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))

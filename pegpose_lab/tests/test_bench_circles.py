@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
-from discs import center_bound, draw_ellipses, to_uint8
 from numpy.testing import assert_allclose
 
-from pegpose_lab import bench_circles, environment, fit_discs, peers, plotting
+from pegpose_lab import bench_circles, environment, fit_discs, peers, plotting, render
 from pegpose_lab.render import TrueDisc
+from pegpose_lab.tests.discs import center_bound, draw_ellipses, to_uint8
 
 CLEAN, TILT, HIGHLIGHTS, CLUTTER, *_ = bench_circles.SCENES
 FAST = ("ours", "HoughCircles GRADIENT", "SimpleBlobDetector", "contours + fitEllipse")
@@ -193,7 +193,7 @@ def test_every_fast_method_finds_the_clean_pegs(name, frames):
     method = peers.METHODS[name]
     if peers.missing(method):
         pytest.skip(peers.missing(method))
-    found, seconds = peers.run(method, bench_circles.expose(frames["clean"].picture, 2, 0), bench_circles.RADIUS_RANGE)
+    found, seconds = peers.run(method, render.expose(frames["clean"].picture, 2, 0), bench_circles.RADIUS_RANGE)
     rows, false_positives = bench_circles.score(frames["clean"], found, 2)
     assert all(row[1] for row in rows) and len(rows) == 4
     assert false_positives == 0 and seconds > 0

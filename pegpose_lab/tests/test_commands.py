@@ -18,9 +18,9 @@ from nbformat.v4 import new_code_cell, new_notebook, new_output
 from packaging.requirements import Requirement
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab import environment, front_page, plotting, running
+from pegpose_lab import environment, front_page, plotting, progress, running
 
-CHECKOUT = commands.CHECKOUT
+CHECKOUT = environment.CHECKOUT
 
 
 # --- set-up -------------------------------------------------------------------------------------
@@ -206,7 +206,7 @@ def test_pip_installs_where_uv_fails(monkeypatch, works, tools):
         return 0 if calls[-1] in works else 1
 
     monkeypatch.setattr(shutil, "which", lambda name: name)
-    monkeypatch.setattr(environment.progress, "run", call)
+    monkeypatch.setattr(progress, "run", call)
     if works:
         environment._install()
     else:
@@ -307,6 +307,7 @@ def test_output_that_cannot_be_written_is_told_before_the_work(tmp_path, monkeyp
 
 
 # --- running notebooks --------------------------------------------------------------------------
+
 
 WRITE = """import os
 from pathlib import Path

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pegpose_lab import calibrate_zhang, measured, segment
+from pegpose_lab import calibrate_zhang, checks, measured, segment
 from pegpose_lab.bench_circles import TOLERANCE
 from pegpose_lab.circles import Circles
 from pegpose_lab.datasets import dataset
@@ -185,7 +185,7 @@ def test_grid_of_another_picture_is_refused(tmp_path, monkeypatch, pegpose_data)
     (tmp_path / "visp_circles").mkdir()
     cv2.imwrite(str(tmp_path / "visp_circles" / "circles-01.jpg"), image)
     monkeypatch.setenv("PEGPOSE_DATA", str(tmp_path))
-    with pytest.raises(measured.DetectionError, match="36 discs"):
+    with pytest.raises(checks.DetectionError, match="36 discs"):
         measured.measure_grid()
 
 

@@ -12,7 +12,7 @@ import nbformat
 import pytest
 from IPython.core.inputtransformer2 import TransformerManager
 
-from pegpose_lab.__main__ import CHECKOUT
+from pegpose_lab.environment import CHECKOUT
 from pegpose_lab.running import to_text
 
 NOTEBOOKS = sorted((CHECKOUT / "notebooks").glob("*.ipynb"))

@@ -9,7 +9,7 @@ import pytest
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 from pegpose_lab import processors
-from pegpose_lab.__main__ import CHECKOUT
+from pegpose_lab.environment import CHECKOUT
 from pegpose_lab.processors import Machine, Outcome
 
 
@@ -58,6 +58,7 @@ def test_openblas_takes_the_kernels_of_that_machine(machines, name):
 
 
 # ---- a run ----
+
 
 CELL = """\
 import os

@@ -11,7 +11,7 @@ import pytest
 
 from pegpose_lab import front_page
 from pegpose_lab.experiment import paper_experiment
-from pegpose_lab.results import PROJECT_FOLDER
+from pegpose_lab.files import PROJECT_FOLDER
 
 README = (PROJECT_FOLDER / "README.md").read_text(encoding="utf-8")
 MAP = (PROJECT_FOLDER / "data" / "paper" / "README.md").read_text(encoding="utf-8")
@@ -37,8 +37,8 @@ def test_the_example_runs_as_it_stands(tmp_path):
 
 def test_every_module_and_test_is_named():
     package = PROJECT_FOLDER / "pegpose_lab"
-    modules = {path.stem for path in package.glob("*.py")} - {"__init__"}
-    tests = {path.stem for path in (package / "tests").glob("test_*.py")}
+    tests = {path.stem for path in (package / "tests").rglob("test_*.py")}
+    modules = {path.stem for path in package.rglob("*.py") if "tests" not in path.parts} - {"__init__"}
     named = set(re.findall(r"`(\w+)`", MAP))
     assert modules | tests <= named, f"not named: {sorted((modules | tests) - named)}"
     assert {name for name in named if name.startswith("test_")} <= tests

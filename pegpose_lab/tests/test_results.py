@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pegpose_lab import results
+from pegpose_lab import files, results
 
 
 @pytest.fixture
@@ -22,17 +22,17 @@ def test_output_is_the_checkout_unless_named(monkeypatch, value):
     monkeypatch.delenv("PEGPOSE_OUTPUT", raising=False)
     if value is not None:
         monkeypatch.setenv("PEGPOSE_OUTPUT", value)
-    assert results.output_folder() == results.PROJECT_FOLDER
-    assert (results.PROJECT_FOLDER / "pegpose_lab" / "results.py").is_file()
+    assert files.output_folder() == files.PROJECT_FOLDER
+    assert (files.PROJECT_FOLDER / "pegpose_lab" / "files.py").is_file()
 
 
 def test_output_is_the_named_folder(output, tmp_path):
-    assert results.output_folder() == tmp_path
+    assert files.output_folder() == tmp_path
 
 
 def test_replacing_writes_and_leaves_nothing_else(tmp_path):
     target = tmp_path / "new" / "file.csv"
-    with results.replacing(target) as path:
+    with files.replacing(target) as path:
         assert path.parent == target.parent and path.suffix == ".csv" and path != target
         path.write_text("whole")
         assert not target.exists()
@@ -55,7 +55,7 @@ posix = pytest.mark.skipif(os.name == "nt", reason="Windows has no such modes, a
 @pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o077, 0o600), (0o002, 0o664)])
 def test_a_new_file_has_the_mode_of_the_umask(tmp_path, umask, mask, mode):
     umask(mask)
-    with results.replacing(tmp_path / "new.csv") as path:
+    with files.replacing(tmp_path / "new.csv") as path:
         path.write_text("x")
     assert stat.S_IMODE((tmp_path / "new.csv").stat().st_mode) == mode
 
@@ -66,7 +66,7 @@ def test_a_replaced_file_keeps_its_mode_and_is_never_wider(tmp_path, mode):
     target = tmp_path / "file.csv"
     target.write_text("old")
     target.chmod(mode)
-    with results.replacing(target) as path:
+    with files.replacing(target) as path:
         assert not stat.S_IMODE(path.stat().st_mode) & ~(mode | stat.S_IWUSR)
         path.write_text("new")
     assert stat.S_IMODE(target.stat().st_mode) == mode and target.read_text() == "new"
@@ -80,7 +80,7 @@ def test_a_link_goes_on_pointing_to_what_is_written(tmp_path, there):
     if there:
         target.write_text("old")
     link.symlink_to(target)
-    with results.replacing(link) as path:
+    with files.replacing(link) as path:
         path.write_text("new")
     assert link.is_symlink() and target.read_text() == link.read_text() == "new"
     assert os.listdir(target.parent) == ["file.csv"]
@@ -100,7 +100,7 @@ def test_a_file_system_without_modes_will_do(tmp_path, monkeypatch, there):
         target.chmod(0o600)
     monkeypatch.setattr(os, "chmod", refuse)
     monkeypatch.setattr(os, "chown", refuse)
-    with results.replacing(target) as path:
+    with files.replacing(target) as path:
         path.write_text("new")
     assert target.read_text() == "new" and os.listdir(tmp_path) == ["file.csv"]
 
@@ -113,7 +113,7 @@ def test_owner_and_group_are_given_back(tmp_path, monkeypatch):
     target = tmp_path / "file.csv"
     target.write_text("old")
     before = target.stat()
-    results._give_back(target, os.stat_result([*before[:4], before.st_uid + 1, before.st_gid, *before[6:10]]))
+    files._give_back(target, os.stat_result([*before[:4], before.st_uid + 1, before.st_gid, *before[6:10]]))
     assert given == [(before.st_uid + 1, before.st_gid)]
 
 
@@ -123,7 +123,7 @@ def test_replacing_keeps_the_old_file_when_it_fails(tmp_path, error, before):
     target = tmp_path / "file.csv"
     if before is not None:
         target.write_text(before)
-    with pytest.raises(error), results.replacing(target) as path:
+    with pytest.raises(error), files.replacing(target) as path:
         path.write_text("half")
         raise error
     assert os.listdir(tmp_path) == ([] if before is None else ["file.csv"])

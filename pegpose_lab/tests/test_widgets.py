@@ -6,7 +6,7 @@ import pytest
 from IPython.display import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from pegpose_lab import widgets
+from pegpose_lab import checks, widgets
 from pegpose_lab.camera import OpenCVCamera, TsaiCamera
 from pegpose_lab.render import render_hub
 from pegpose_lab.targets import Hub
@@ -102,7 +102,7 @@ def test_show_displays_widget_picture_and_text(explorer, monkeypatch, capsys):
 # ---- errors ----
 
 
-@pytest.mark.parametrize("error", [ValueError, widgets.DetectionError, widgets.CalibrationError])
+@pytest.mark.parametrize("error", [ValueError, checks.DetectionError, checks.CalibrationError])
 def test_errors_are_shown_as_text(error):
     backdrop = np.full((60, 300, 3), 200, np.uint8)
 
