@@ -7,12 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from pegpose_lab import board_grid, measured
-from pegpose_lab.board_checks import check_ends, check_fields
+from pegpose_lab import measured
 from pegpose_lab.camera import TsaiCamera
 from pegpose_lab.checks import DetectionError
-from pegpose_lab.corner_fit import CornerFits, edge_crossing, fit_corners
-from pegpose_lab.corners import _check, _fit, find_corners
+from pegpose_lab.corners import find_corners
+from pegpose_lab.corners import grid as grid_file
+from pegpose_lab.corners.find import _check, _fit
+from pegpose_lab.corners.fit import CornerFits, edge_crossing, fit_corners
+from pegpose_lab.corners.grid import candidate_grids
+from pegpose_lab.corners.whole_board import check_ends, check_fields
 from pegpose_lab.experiment import paper_experiment
 from pegpose_lab.render import BoardLook, render_board
 from pegpose_lab.targets import Checkerboard
@@ -230,7 +233,7 @@ def pixels_searched(monkeypatch, image, board):
         return wrapper
 
     for name in ("findChessboardCorners", "findChessboardCornersSB", "findChessboardCornersSBWithMeta"):
-        monkeypatch.setattr(board_grid.cv2, name, counting(getattr(cv2, name)))
+        monkeypatch.setattr(grid_file.cv2, name, counting(getattr(cv2, name)))
     with pytest.raises(DetectionError, match="no board"):
         find_corners(image, board)
     monkeypatch.undo()
@@ -330,14 +333,14 @@ def test_interlaced_images_of_a_moving_board_are_refused(turn):
 def test_grids_outside_of_the_image_are_no_candidates(monkeypatch, outside):
     image = np.zeros((100, 100), np.uint8)
     grid = np.stack(np.meshgrid(np.arange(20.0, 80, 15), np.arange(20.0, 80, 15)), axis=-1)
-    monkeypatch.setattr(board_grid, "_views", lambda image: [(image, 1.0, np.zeros(2), [(found, 0)])])
+    monkeypatch.setattr(grid_file, "_views", lambda image: [(image, 1.0, np.zeros(2), [(found, 0)])])
 
     def found(view, size, flags):
         return True, grid.reshape(-1, 1, 2).astype(np.float32)
 
-    assert len(list(board_grid.candidate_grids(image, 4, 4))) == 1
+    assert len(list(candidate_grids(image, 4, 4))) == 1
     grid[0, 0] = outside
-    assert not list(board_grid.candidate_grids(image, 4, 4))
+    assert not list(candidate_grids(image, 4, 4))
 
 
 def test_nothing_found():

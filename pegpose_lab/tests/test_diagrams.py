@@ -2,6 +2,7 @@
 
 import importlib.util
 import itertools
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -149,7 +150,8 @@ def test_overview_names_modules_that_exist(axes):
     drawn = " ".join(text.get_text() for text in axes.texts)
     for name in names:
         assert name in drawn
-        assert importlib.util.find_spec(f"pegpose_lab.{name.removesuffix('.py')}"), name
+        package = Path(importlib.util.find_spec("pegpose_lab").origin).parent
+        assert any(package.rglob(name)) or any(package.rglob(name.removesuffix(".py"))), name
 
 
 def _text_boxes(ax):

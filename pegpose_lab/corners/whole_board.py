@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .checks import DetectionError
+from ..checks import DetectionError
 
 _OUTSIDE = 1.2, 1.35, 1.5, 1.65  # squares beyond the outermost corners: in the second square, its nearer half
 _INSIDE = -0.35, -0.5, -0.65  # in the first square inside

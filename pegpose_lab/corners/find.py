@@ -1,15 +1,15 @@
 """Corners of a checkerboard in an image, to sub-pixel accuracy (Sect. 4).
 
-OpenCV finds the grid (`board_grid`); what it is worth is then decided by one fit for all corners (`corner_fit`),
-and by what lies around the grid (`board_checks`).
+OpenCV finds the grid (`grid`); what it is worth is then decided by one fit for all corners (`fit`),
+and by what lies around the grid (`whole_board`).
 """
 
 import numpy as np
 
-from .board_checks import check_ends, check_fields
-from .board_grid import candidate_grids, seen_grid
-from .checks import DetectionError, as_image
-from .corner_fit import fit_corners
+from ..checks import DetectionError, as_image
+from .fit import fit_corners
+from .grid import candidate_grids, seen_grid
+from .whole_board import check_ends, check_fields
 
 WINDOW = 15.0  # px, largest radius of a window: noise falls with it, the pull of edges bent by the lens grows
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
@@ -51,7 +51,7 @@ def find_corners(image, board):
     several orders remain (the paper's 8 x 6 board looks the same after half a turn), the first corner is the
     one nearest to the top left of the picture.
 
-    The search sees the image at fixed sizes (see `board_grid`), so its time has a bound where there is no board.
+    The search sees the image at fixed sizes (see `grid`), so its time has a bound where there is no board.
     In an image of 12 megapixels, squares below some 12 px may be missed.
     """
     image = as_image(image)
