@@ -1,16 +1,11 @@
-"""Camera models: a ray of the scene to a pixel, and back.
-
-`TsaiCamera` is the paper's model (Fig. 4): a pin-hole with one radial coefficient that *undistorts*
-(Eq. 3).  `OpenCVCamera` is OpenCV's, whose coefficients *distort*.  Both turn object points into image
-points through a pose ``cam_from_object`` and image points into object points on a plane.
-"""
+"""The paper's camera (Fig. 4, Eq. 3), in sensor coordinates."""
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from .checks import as_count, as_number, as_points, as_pose
+from ..checks import as_count, as_number, as_points, as_pose
 
 OPENCV_PLAIN, OPENCV_LIMIT = 1e-3, 0.05
 """px: how far OpenCV's model with 5 and with 8 coefficients may be from a `TsaiCamera` in its picture."""
