@@ -3,7 +3,10 @@
 A lens model is one file here, with the methods that `pinhole` lists.
 """
 
-from .tsai import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera, demand_tsai, distort_radius, max_undistorted_radius
+from .opencv import OpenCVCamera
+from .pinhole import UNKNOWN_SIZE
+from .radial import distort_radius, max_undistorted_radius
+from .tsai import TsaiCamera, demand_tsai
 
 __all__ = [
     "OpenCVCamera",

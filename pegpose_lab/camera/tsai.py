@@ -2,156 +2,18 @@
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from ..checks import as_count, as_number, as_points, as_pose
+from ..checks import as_number
+from .opencv import OpenCVCamera
+from .pinhole import UNKNOWN_SIZE, _as_pair, _as_size, _Camera
+from .radial import distort_radius, max_undistorted_radius
 
 OPENCV_PLAIN, OPENCV_LIMIT = 1e-3, 0.05
 """px: how far OpenCV's model with 5 and with 8 coefficients may be from a `TsaiCamera` in its picture."""
 
-UNKNOWN_SIZE = (1, 1)
-"""px: the image size of a camera to which none was given."""
-
-LARGEST_SKEW = 1e-9
-"""px: what a matrix that was computed may have in place of 0; it moves no point by more."""
-
 RATIO_ROUNDS = 4
 """Weighted fits of a ratio of polynomials: more change its error by less than a tenth."""
-
-
-def max_undistorted_radius(kappa1):
-    """Return the largest undistorted radius that Eq. 3 can produce: 2 / (3 sqrt(-3 kappa1)), or infinity.
-
-    For kappa1 >= 0 the map r_d -> r_d (1 + kappa1 r_d^2) is monotonic.  For kappa1 < 0 it turns back at
-    r_d = 1 / sqrt(-3 kappa1); scene points beyond that radius have no image.
-    """
-    kappa1 = np.asarray(kappa1, dtype=np.float64)
-    if kappa1.ndim == 0:
-        return np.array(2 / (3 * np.sqrt(-3 * kappa1)) if kappa1 < 0 else np.inf)
-    negative = np.minimum(kappa1, -np.finfo(float).tiny)
-    return np.where(kappa1 < 0, 2 / (3 * np.sqrt(-3 * negative)), np.inf)
-
-
-def distort_radius(radius, kappa1):
-    r"""Solve Eq. 3 for the distorted radius: :math:`r_d (1 + \kappa_1 r_d^2) = r_u`.
-
-    The root next to r_u is written in closed form, with hyperbolic functions for barrel distortion
-    (kappa1 > 0) and circular ones for pincushion distortion (kappa1 < 0), then polished by one Newton
-    step.  Nothing is iterated to convergence, so strong distortion is as exact as weak.
-
-    Parameters
-    ----------
-    radius : array_like
-        Undistorted radius r_u >= 0, mm.
-    kappa1 : array_like
-        Coefficient, mm^-2; broadcast against `radius`.
-
-    Returns
-    -------
-    ndarray
-        Distorted radius r_d, mm; beyond `max_undistorted_radius` the radius at which the map turns back.
-    """
-    radius, kappa1 = np.asarray(radius, np.float64), np.asarray(kappa1, np.float64)
-    scale = np.sqrt(3 * np.maximum(np.abs(kappa1), np.finfo(float).tiny))
-    argument = 1.5 * radius * scale
-    pincushion = kappa1 < 0
-    if not np.any(pincushion):
-        root = np.sinh(np.arcsinh(argument) / 3)
-    elif np.all(pincushion):
-        root = np.sin(np.arcsin(np.minimum(argument, 1.0)) / 3)
-    else:  # each form where it holds, for they take most of the time
-        barrel, pincushion = (np.broadcast_to(chosen, argument.shape) for chosen in (~pincushion, pincushion))
-        third = np.arcsinh(argument, where=barrel, out=np.zeros(argument.shape))
-        third = np.arcsin(np.minimum(argument, 1.0), where=pincushion, out=third) / 3
-        root = np.sinh(third, where=barrel, out=np.zeros(argument.shape))
-        root = np.sin(third, where=pincushion, out=root)
-    root = root * (2 / scale)
-    if np.any(kappa1 == 0):
-        root = np.where(kappa1 == 0, radius, root)
-    stretch = kappa1 * root**2
-    excess, slope = root * (1 + stretch) - radius, 1 + 3 * stretch
-    if np.any(pincushion):
-        reachable = radius <= max_undistorted_radius(kappa1) * (1 - 1e-6)  # at the turning point the slope is 0
-        if not np.all(reachable):
-            excess, slope = np.where(reachable, excess, 0.0), np.where(reachable, slope, 1.0)
-    return root - excess / slope
-
-
-class _Camera:
-    """What both models share, given ``to_image`` and ``to_normalized``."""
-
-    def project(self, object_points, cam_from_object):
-        """Project object points into the image.
-
-        Parameters
-        ----------
-        object_points : (n, 3) array_like
-            mm, in the object's frame.
-        cam_from_object : RigidTransform
-            Pose of the object.
-
-        Returns
-        -------
-        (n, 2) ndarray
-            px; points outside the picture are returned too.
-
-        Raises
-        ------
-        ValueError
-            If a point lies behind the camera (z <= 0), or so far outside that the distortion gives it
-            no image.
-        """
-        points = as_pose(cam_from_object, "cam_from_object").apply(as_points(object_points, 3, "object_points"))
-        behind = np.count_nonzero(points[:, 2] <= 0)
-        if behind:
-            raise ValueError(
-                f"object_points: {behind} of {len(points)} lie behind the camera (z <= 0 in the camera frame)"
-            )
-        return self.from_normalized(points[:, :2] / points[:, 2:])
-
-    def back_project(self, image_points, cam_from_object, z=0.0):
-        """Intersect the rays of image points with the plane z = const of an object's frame.
-
-        Parameters
-        ----------
-        image_points : (n, 2) array_like
-            px.
-        cam_from_object : RigidTransform
-            Pose of the object.
-        z : float
-            The plane, mm in the object's frame.
-
-        Returns
-        -------
-        (n, 3) ndarray
-            mm, in the object's frame, third column `z`.
-
-        Raises
-        ------
-        ValueError
-            If a ray does not meet the plane in front of the camera.
-        """
-        z = as_number(z, "z")
-        rays = self.rays(image_points)
-        object_from_cam = as_pose(cam_from_object, "cam_from_object").inv()
-        origin = object_from_cam.translation
-        directions = object_from_cam.rotation.apply(rays)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            distance = (z - origin[2]) / directions[:, 2]
-        missed = np.count_nonzero(~(np.isfinite(distance) & (distance > 0)))
-        if missed:
-            raise ValueError(
-                f"image_points: {missed} of {len(rays)} rays do not meet the plane z = {z:g} in front of the camera"
-            )
-        points = origin + distance[:, None] * directions
-        points[:, 2] = z
-        return points
-
-    def rays(self, image_points):
-        """Return the viewing directions (n, 3) of image points in the camera frame, with z = 1."""
-        normalized = self.to_normalized(as_points(image_points, 2, "image_points"))
-        return np.column_stack([normalized, np.ones(len(normalized))])
 
 
 @dataclass(frozen=True)
@@ -284,80 +146,6 @@ class TsaiCamera(_Camera):
         return farthest * np.sin(np.linspace(0, np.pi / 2, 400))[1:]  # denser towards the corner, where errors grow
 
 
-@dataclass(frozen=True, eq=False)
-class OpenCVCamera(_Camera):
-    """OpenCV's camera.
-
-    Parameters
-    ----------
-    camera_matrix : (3, 3) array_like
-        px; without skew, which OpenCV's model does not have.
-    dist_coeffs : (4,), (5,), (8,), (12,) or (14,) array_like
-        k1, k2, p1, p2, k3, ...; distorting.
-    image_size : (int, int)
-        Width and height, px.
-
-    Raises
-    ------
-    ValueError
-        If a shape or a value is unusable.
-    """
-
-    camera_matrix: np.ndarray
-    dist_coeffs: np.ndarray
-    image_size: tuple = UNKNOWN_SIZE
-
-    def __post_init__(self):
-        matrix = as_points(self.camera_matrix, 3, "camera_matrix", 3)
-        if matrix.shape != (3, 3) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or np.any(matrix[2] != (0, 0, 1)):
-            raise ValueError("camera_matrix is not of the form [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0")
-        if max(abs(matrix[0, 1]), abs(matrix[1, 0])) > LARGEST_SKEW:
-            raise ValueError(
-                f"camera_matrix has skew, K[0, 1] = {matrix[0, 1]:g} and K[1, 0] = {matrix[1, 0]:g} px; OpenCV's camera has "
-                "none and its functions ignore it: expected 0 (calibrate the camera without skew)"
-            )
-        matrix[0, 1] = matrix[1, 0] = 0.0
-        coefficients = np.array(self.dist_coeffs, dtype=np.float64).ravel()
-        if coefficients.size not in (4, 5, 8, 12, 14) or not np.isfinite(coefficients).all():
-            raise ValueError(f"dist_coeffs has {coefficients.size} values; expected 4, 5, 8, 12 or 14 finite ones")
-        object.__setattr__(self, "camera_matrix", matrix)
-        object.__setattr__(self, "dist_coeffs", coefficients)
-        object.__setattr__(self, "image_size", _as_size(self.image_size))
-
-    def from_normalized(self, normalized):
-        """Undistorted directions (x/z, y/z) to image px."""
-        return self.image_and_derivative(normalized)[0]
-
-    def to_normalized(self, image_points, *, iterations=50, tolerance=1e-11):
-        """Image px to undistorted directions (x/z, y/z), by Newton's method.
-
-        Raises
-        ------
-        ValueError
-            If a point has no preimage near it under this distortion.
-        """
-        image_points = np.asarray(image_points, np.float64)
-        normalized = (image_points - self.camera_matrix[:2, 2]) / np.diag(self.camera_matrix)[:2]
-        largest = max(self.image_size)
-        for _ in range(iterations):
-            projected, jacobian = self.image_and_derivative(normalized)
-            error = projected - image_points
-            if np.abs(error).max() <= tolerance * largest:
-                return normalized
-            step = _solve_2x2(jacobian, error)
-            length = np.linalg.norm(step, axis=1, keepdims=True)
-            normalized = normalized - step * np.minimum(1, 0.5 / np.maximum(length, 1e-300))
-        worst = np.linalg.norm(error, axis=1).max()
-        raise ValueError(f"image_points: the distortion cannot be inverted there (left after Newton: {worst:.3g} px)")
-
-    def image_and_derivative(self, normalized):
-        """Undistorted directions (n, 2) to image px (n, 2), and the derivative (n, 2, 2) by them."""
-        points = np.column_stack([normalized, np.ones(len(normalized))])
-        zero = np.zeros(3)
-        image_points, jacobian = cv2.projectPoints(points, zero, zero, self.camera_matrix, self.dist_coeffs)[:2]
-        return image_points.reshape(-1, 2), jacobian[:, 3:5].reshape(-1, 2, 2)
-
-
 def _fit_ratio(radius, target, terms):
     """Coefficients (3,) above and (terms,) below of `_ratio`, so that radius * ratio is nearest to a target.
 
@@ -378,29 +166,6 @@ def _ratio(radius, above, below):
     """(1 + a1 r^2 + a2 r^4 + a3 r^6) / (1 + b1 r^2 + ...)."""
     powers = np.column_stack([radius**2, radius**4, radius**6])
     return (1 + powers @ above) / (1 + powers[:, : len(below)] @ below)
-
-
-def _solve_2x2(matrices, vectors):
-    """Solve stacked 2x2 systems by Cramer's rule; a singular one gives a zero step."""
-    (a, b), (c, d) = np.moveaxis(matrices, 0, -1)
-    x, y = vectors.T
-    determinant = a * d - b * c
-    safe = np.where(determinant == 0, np.inf, determinant)
-    return np.column_stack([(d * x - b * y) / safe, (a * y - c * x) / safe])
-
-
-def _as_pair(pair, name, minimum=-np.inf):
-    values = tuple(np.ravel(pair))
-    if len(values) != 2:
-        raise ValueError(f"{name} has {len(values)} values; expected two")
-    return tuple(as_number(value, name, minimum, exclusive=True) for value in values)
-
-
-def _as_size(size):
-    values = tuple(size) if np.iterable(size) and not isinstance(size, str) else ()
-    if len(values) != 2:
-        raise ValueError(f"image_size is {size!r}; expected two whole numbers, (width, height)")
-    return tuple(as_count(value, f"image_size[{k}]", 1) for k, value in enumerate(values))
 
 
 def demand_tsai(camera):

@@ -1,0 +1,95 @@
+"""OpenCV's camera: a matrix, and coefficients that distort."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ..checks import as_points
+from .pinhole import UNKNOWN_SIZE, _as_size, _Camera
+
+LARGEST_SKEW = 1e-9
+"""px: what a matrix that was computed may have in place of 0; it moves no point by more."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpenCVCamera(_Camera):
+    """OpenCV's camera.
+
+    Parameters
+    ----------
+    camera_matrix : (3, 3) array_like
+        px; without skew, which OpenCV's model does not have.
+    dist_coeffs : (4,), (5,), (8,), (12,) or (14,) array_like
+        k1, k2, p1, p2, k3, ...; distorting.
+    image_size : (int, int)
+        Width and height, px.
+
+    Raises
+    ------
+    ValueError
+        If a shape or a value is unusable.
+    """
+
+    camera_matrix: np.ndarray
+    dist_coeffs: np.ndarray
+    image_size: tuple = UNKNOWN_SIZE
+
+    def __post_init__(self):
+        matrix = as_points(self.camera_matrix, 3, "camera_matrix", 3)
+        if matrix.shape != (3, 3) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or np.any(matrix[2] != (0, 0, 1)):
+            raise ValueError("camera_matrix is not of the form [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0")
+        if max(abs(matrix[0, 1]), abs(matrix[1, 0])) > LARGEST_SKEW:
+            raise ValueError(
+                f"camera_matrix has skew, K[0, 1] = {matrix[0, 1]:g} and K[1, 0] = {matrix[1, 0]:g} px; OpenCV's camera has "
+                "none and its functions ignore it: expected 0 (calibrate the camera without skew)"
+            )
+        matrix[0, 1] = matrix[1, 0] = 0.0
+        coefficients = np.array(self.dist_coeffs, dtype=np.float64).ravel()
+        if coefficients.size not in (4, 5, 8, 12, 14) or not np.isfinite(coefficients).all():
+            raise ValueError(f"dist_coeffs has {coefficients.size} values; expected 4, 5, 8, 12 or 14 finite ones")
+        object.__setattr__(self, "camera_matrix", matrix)
+        object.__setattr__(self, "dist_coeffs", coefficients)
+        object.__setattr__(self, "image_size", _as_size(self.image_size))
+
+    def from_normalized(self, normalized):
+        """Undistorted directions (x/z, y/z) to image px."""
+        return self.image_and_derivative(normalized)[0]
+
+    def to_normalized(self, image_points, *, iterations=50, tolerance=1e-11):
+        """Image px to undistorted directions (x/z, y/z), by Newton's method.
+
+        Raises
+        ------
+        ValueError
+            If a point has no preimage near it under this distortion.
+        """
+        image_points = np.asarray(image_points, np.float64)
+        normalized = (image_points - self.camera_matrix[:2, 2]) / np.diag(self.camera_matrix)[:2]
+        largest = max(self.image_size)
+        for _ in range(iterations):
+            projected, jacobian = self.image_and_derivative(normalized)
+            error = projected - image_points
+            if np.abs(error).max() <= tolerance * largest:
+                return normalized
+            step = _solve_2x2(jacobian, error)
+            length = np.linalg.norm(step, axis=1, keepdims=True)
+            normalized = normalized - step * np.minimum(1, 0.5 / np.maximum(length, 1e-300))
+        worst = np.linalg.norm(error, axis=1).max()
+        raise ValueError(f"image_points: the distortion cannot be inverted there (left after Newton: {worst:.3g} px)")
+
+    def image_and_derivative(self, normalized):
+        """Undistorted directions (n, 2) to image px (n, 2), and the derivative (n, 2, 2) by them."""
+        points = np.column_stack([normalized, np.ones(len(normalized))])
+        zero = np.zeros(3)
+        image_points, jacobian = cv2.projectPoints(points, zero, zero, self.camera_matrix, self.dist_coeffs)[:2]
+        return image_points.reshape(-1, 2), jacobian[:, 3:5].reshape(-1, 2, 2)
+
+
+def _solve_2x2(matrices, vectors):
+    """Solve stacked 2x2 systems by Cramer's rule; a singular one gives a zero step."""
+    (a, b), (c, d) = np.moveaxis(matrices, 0, -1)
+    x, y = vectors.T
+    determinant = a * d - b * c
+    safe = np.where(determinant == 0, np.inf, determinant)
+    return np.column_stack([(d * x - b * y) / safe, (a * y - c * x) / safe])

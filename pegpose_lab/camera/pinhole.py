@@ -1,0 +1,98 @@
+"""What all camera models share: projection to pixels, and rays back into the scene."""
+
+import numpy as np
+
+from ..checks import as_count, as_number, as_points, as_pose
+
+UNKNOWN_SIZE = (1, 1)
+"""px: the image size of a camera to which none was given."""
+
+
+class _Camera:
+    """What both models share, given ``to_image`` and ``to_normalized``."""
+
+    def project(self, object_points, cam_from_object):
+        """Project object points into the image.
+
+        Parameters
+        ----------
+        object_points : (n, 3) array_like
+            mm, in the object's frame.
+        cam_from_object : RigidTransform
+            Pose of the object.
+
+        Returns
+        -------
+        (n, 2) ndarray
+            px; points outside the picture are returned too.
+
+        Raises
+        ------
+        ValueError
+            If a point lies behind the camera (z <= 0), or so far outside that the distortion gives it
+            no image.
+        """
+        points = as_pose(cam_from_object, "cam_from_object").apply(as_points(object_points, 3, "object_points"))
+        behind = np.count_nonzero(points[:, 2] <= 0)
+        if behind:
+            raise ValueError(
+                f"object_points: {behind} of {len(points)} lie behind the camera (z <= 0 in the camera frame)"
+            )
+        return self.from_normalized(points[:, :2] / points[:, 2:])
+
+    def back_project(self, image_points, cam_from_object, z=0.0):
+        """Intersect the rays of image points with the plane z = const of an object's frame.
+
+        Parameters
+        ----------
+        image_points : (n, 2) array_like
+            px.
+        cam_from_object : RigidTransform
+            Pose of the object.
+        z : float
+            The plane, mm in the object's frame.
+
+        Returns
+        -------
+        (n, 3) ndarray
+            mm, in the object's frame, third column `z`.
+
+        Raises
+        ------
+        ValueError
+            If a ray does not meet the plane in front of the camera.
+        """
+        z = as_number(z, "z")
+        rays = self.rays(image_points)
+        object_from_cam = as_pose(cam_from_object, "cam_from_object").inv()
+        origin = object_from_cam.translation
+        directions = object_from_cam.rotation.apply(rays)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = (z - origin[2]) / directions[:, 2]
+        missed = np.count_nonzero(~(np.isfinite(distance) & (distance > 0)))
+        if missed:
+            raise ValueError(
+                f"image_points: {missed} of {len(rays)} rays do not meet the plane z = {z:g} in front of the camera"
+            )
+        points = origin + distance[:, None] * directions
+        points[:, 2] = z
+        return points
+
+    def rays(self, image_points):
+        """Return the viewing directions (n, 3) of image points in the camera frame, with z = 1."""
+        normalized = self.to_normalized(as_points(image_points, 2, "image_points"))
+        return np.column_stack([normalized, np.ones(len(normalized))])
+
+
+def _as_pair(pair, name, minimum=-np.inf):
+    values = tuple(np.ravel(pair))
+    if len(values) != 2:
+        raise ValueError(f"{name} has {len(values)} values; expected two")
+    return tuple(as_number(value, name, minimum, exclusive=True) for value in values)
+
+
+def _as_size(size):
+    values = tuple(size) if np.iterable(size) and not isinstance(size, str) else ()
+    if len(values) != 2:
+        raise ValueError(f"image_size is {size!r}; expected two whole numbers, (width, height)")
+    return tuple(as_count(value, f"image_size[{k}]", 1) for k, value in enumerate(values))
