@@ -1,10 +1,4 @@
-"""Pictures of the targets through a camera, by casting rays, with exact truth.
-
-A ray goes out of every pixel's centre and meets the scene.  Where neighbouring pixels show different parts of
-it, many rays sample the area of each quarter of the pixel, so that an edge lies where geometry puts it and not
-where a raster does.  Then come the lens's blur (on the quarters: between whole pixels its effect would depend on
-where in a pixel an edge lies), the sensor's noise and the rounding to 8 bits.
-"""
+"""Pictures of a hub: textured base with bore and screws, pegs, highlights and swarf."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -12,7 +6,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from .checks import as_choice, as_count, as_number
+from ..checks import as_choice, as_count, as_number
 
 LATTICES = {34: 21, 144: 89}
 """Rays in a quarter of a pixel at an edge, and the stride of their Fibonacci lattice, even along every direction."""
@@ -230,6 +224,7 @@ def _outside(coordinate, end, margin):
 
 
 # ---- what a ray meets: each function changes `grey` and `part` in place, from the back to the front ----
+
 
 _BACKGROUND, _BASE, _BORE, _SCREW, _WALL, _COVER, _TOP, _SWARF = 0, 1, 2, 3, 4, 5, 10, 100
 
