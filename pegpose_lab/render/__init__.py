@@ -3,7 +3,10 @@
 A new target is one file here, drawn with what `raycast` offers.
 """
 
-from .hub import HubLook, TrueDisc, disc_outline, expose, render_board, render_hub, true_disc
+from .board import render_board
+from .discs import TrueDisc, disc_outline, true_disc
+from .hub import HubLook, render_hub
+from .raycast import expose
 
 __all__ = [
     "HubLook",

@@ -1,27 +1,12 @@
 """Pictures of a hub: textured base with bore and screws, pegs, highlights and swarf."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 
-import cv2
 import numpy as np
 
 from ..checks import as_choice, as_count, as_number
-
-LATTICES = {34: 21, 144: 89}
-"""Rays in a quarter of a pixel at an edge, and the stride of their Fibonacci lattice, even along every direction."""
-
-_CHUNK = 50_000  # rays at a time: keeps temporary arrays in the cache
-
-
-@dataclass(frozen=True)
-class BoardLook:
-    """Grey values (0..255) of a board: its black and white squares, and what lies around it."""
-
-    black: float = 30.0
-    white: float = 220.0
-    surroundings: float = 120.0
-    margin: float = 0.5  # white rim around the squares, in squares
+from .discs import _bounding_box
+from .raycast import LATTICES, _cast, _dot, _offset, _View, expose
 
 
 @dataclass(frozen=True)
@@ -41,45 +26,6 @@ class HubLook:
     texture: float = 1.5
     shading: float = 0.05
     wall_shading: float = 0.1
-
-
-def render_board(camera, cam_from_board, board, *, look=BoardLook(), blur=0.9, noise=2.0, rng=None):
-    """Render a checkerboard.
-
-    Parameters
-    ----------
-    camera : TsaiCamera or OpenCVCamera
-    cam_from_board : RigidTransform
-    board : Checkerboard
-    look : BoardLook
-    blur : float
-        Standard deviation of the Gaussian blur, px.
-    noise : float
-        Standard deviation of the noise, grey values.
-    rng : seed or Generator
-
-    Returns
-    -------
-    (height, width) uint8 ndarray
-
-    Raises
-    ------
-    ValueError
-        If the board lies behind the camera, or a parameter is unusable.
-    """
-    blur = as_number(blur, "blur", 0, 100)
-    camera.project(board.object_points, cam_from_board)  # raises if a corner is behind the camera
-    view = _View(cam_from_board)
-
-    def shade(directions):
-        x, y = view.on_plane(directions, 0.0) / board.square + 1
-        column, row = np.floor(x), np.floor(y)
-        part = ((column + row) % 2).astype(np.uint8)
-        part[_outside(x, board.columns + 1, 0) | _outside(y, board.rows + 1, 0)] = 1
-        part[_outside(x, board.columns + 1, look.margin) | _outside(y, board.rows + 1, look.margin)] = 2
-        return np.take(np.float32([look.black, look.white, look.surroundings]), part), part
-
-    return expose(_cast(camera, shade, blur), noise, rng)
 
 
 def render_hub(
@@ -141,86 +87,6 @@ def render_hub(
 
     box = _bounding_box(camera, cam_from_hub, hub, swarf, margin=int(5 * blur) + 3)
     return expose(_cast(camera, shade, blur, box, look.background, rays), noise, rng)
-
-
-@dataclass(frozen=True)
-class TrueDisc:
-    """Exact image of a disc: the centroid (2,) px of its area, the area px^2, and sqrt(area / pi) px."""
-
-    centroid: np.ndarray
-    area: float
-    radius: float
-
-
-def true_disc(camera, cam_from_object, center, radius):
-    """Return the exact image of a disc that lies in a plane z = const of an object's frame.
-
-    The centroid is that of the imaged area, which is not the image of the disc's centre.
-
-    Parameters
-    ----------
-    camera : TsaiCamera or OpenCVCamera
-    cam_from_object : RigidTransform
-    center : (3,) array_like
-        mm, in the object's frame.
-    radius : float
-        mm.
-
-    Returns
-    -------
-    TrueDisc
-    """
-    outline = disc_outline(camera, cam_from_object, center, radius, 2000)
-    origin = outline.mean(axis=0)
-    x, y = (outline - origin).T
-    x_next, y_next = np.roll(x, -1), np.roll(y, -1)
-    cross = x * y_next - x_next * y
-    area = cross.sum() / 2
-    centroid = np.array([np.sum((x + x_next) * cross), np.sum((y + y_next) * cross)]) / (6 * area)
-    return TrueDisc(origin + centroid, abs(area), float(np.sqrt(abs(area) / np.pi)))
-
-
-def disc_outline(camera, cam_from_object, center, radius, n_points=100):
-    """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame."""
-    n_points = as_count(n_points, "n_points", 3)
-    angles = np.linspace(0, 2 * np.pi, n_points, endpoint=False)
-    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(n_points)])
-    return camera.project(np.asarray(center) + as_number(radius, "radius", 0) * rim, cam_from_object)
-
-
-class _View:
-    """Where undistorted directions (2, n) of the camera, (x/z, y/z), meet planes z = const of an object's frame.
-
-    Points are (2, n) arrays of float32 from here on: exact to 0.0001 px, and half the memory.
-    """
-
-    def __init__(self, cam_from_object):
-        object_from_cam = cam_from_object.inv()
-        self.origin = object_from_cam.translation
-        self.rotation = object_from_cam.rotation.as_matrix()
-
-    def on_plane(self, directions, z):
-        """Return x and y (2, n), mm; a ray that runs away from the plane ends far outside."""
-        side = np.sign(z - self.origin[2])
-        # written out, as the last bits of a matrix product depend on how it is cut into blocks
-        x, y, slope = (a * directions[0] + b * directions[1] + c for a, b, c in np.float32(side * self.rotation))
-        distance = np.float32(abs(z - self.origin[2])) / np.maximum(slope, np.float32(1e-6))
-        origin = np.float32(self.origin)
-        return np.stack([origin[0] + distance * x, origin[1] + distance * y])
-
-
-def _dot(a, b):
-    """Scalar products (n,) of the columns of two (2, n) arrays."""
-    return a[0] * b[0] + a[1] * b[1]
-
-
-def _offset(points, center):
-    """Points (2, n) as seen from `center`."""
-    return np.stack([points[0] - float(center[0]), points[1] - float(center[1])])
-
-
-def _outside(coordinate, end, margin):
-    return (coordinate < -margin) | (coordinate >= end + margin)
 
 
 # ---- what a ray meets: each function changes `grey` and `part` in place, from the back to the front ----
@@ -341,126 +207,3 @@ def _cover(top, hub, fraction, look, grey, part):
 def _paint(where, level, number, grey, part):
     grey[where] = level
     part[where] = number
-
-
-# ---- from rays to pixels ----
-
-
-def _bounding_box(camera, cam_from_hub, hub, swarf, margin):
-    """Rows and columns (top, bottom, left, right) of the picture that show anything but background."""
-    reach = max([hub.radius, hub.pitch_circle_diameter / 2 + hub.peg_radius, *(np.hypot(*swarf.T[:2]) + swarf[:, 3])])
-    outlines = [disc_outline(camera, cam_from_hub, (0, 0, z), reach) for z in (0.0, hub.peg_height)]
-    low = np.floor(np.min(np.vstack(outlines), axis=0)).astype(int) - margin
-    high = np.ceil(np.max(np.vstack(outlines), axis=0)).astype(int) + margin
-    width, height = camera.image_size
-    left, right = np.clip([low[0], high[0]], 0, width)
-    top, bottom = np.clip([low[1], high[1]], 0, height)
-    return top, bottom, left, right
-
-
-def _cast(camera, shade, blur, box=None, background=0.0, rays=34):
-    """Mean grey value of every pixel's area through the blurring lens, float32.
-
-    Only the pixels within `box` are cast, the rest is `background`.
-    """
-    width, height = camera.image_size
-    image = np.full((height, width), background, np.float32)
-    top, bottom, left, right = box or (0, height, 0, width)
-    if top < bottom and left < right:
-        grey, part = _cast_centers(shade, _pixel_directions(camera)[:, top:bottom, left:right])
-        quarters = cv2.resize(grey, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
-        y, x = np.nonzero(_borders(part))
-        cut = _are_cut(camera, shade, np.column_stack([x + left, y + top]), part[y, x])
-        y, x = y[cut], x[cut]
-        samples = _sample_quarters(camera, shade, np.column_stack([x + left, y + top]), rays)
-        quarters[2 * y[:, None] + [0, 0, 1, 1], 2 * x[:, None] + [0, 1, 0, 1]] = samples
-        blurred = _blur(quarters, 2 * blur)
-        image[top:bottom, left:right] = cv2.resize(blurred, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
-    return image
-
-
-def _cast_centers(shade, directions):
-    """Grey value and part (height, width) that the rays of the pixels' centres meet."""
-    shape = directions.shape[1:]
-    grey, part = np.empty(shape, np.float32), np.empty(shape, np.uint8)
-    step = max(1, _CHUNK // shape[1])
-    for row in range(0, shape[0], step):
-        rows = slice(row, row + step)
-        level, number = shade(directions[:, rows].reshape(2, -1))
-        grey[rows], part[rows] = level.reshape(-1, shape[1]), number.reshape(-1, shape[1])
-    return grey, part
-
-
-def _borders(part):
-    """Pixels of which a neighbour (of eight) shows another part."""
-    kernel = np.ones((3, 3), np.uint8)
-    highest = cv2.dilate(part, kernel, borderType=cv2.BORDER_REPLICATE)
-    return highest != cv2.erode(part, kernel, borderType=cv2.BORDER_REPLICATE)
-
-
-def _are_cut(camera, shade, pixels, part):
-    """Which of `pixels` (n, 2) show another part in a corner than in the centre (n,)."""
-    corners = np.array([(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)])
-    points = (pixels[:, None, :] + corners).reshape(-1, 2)
-    seen = shade(camera.to_normalized(points).T.astype(np.float32))[1].reshape(-1, 4)
-    return np.any(seen != part[:, None], axis=1)
-
-
-def _sample_quarters(camera, shade, pixels, rays):
-    """Mean grey values (n, 4) over the quarters of `pixels` (n, 2): upper left, upper right, lower left, lower right."""
-    index = np.arange(rays)
-    lattice = np.column_stack([index + 0.5, (index * LATTICES[rays] + 0.5) % rays]) / rays / 2
-    offsets = (np.array([(-0.5, -0.5), (0, -0.5), (-0.5, 0), (0, 0)])[:, None, :] + lattice).reshape(-1, 2)
-    grey = np.empty((len(pixels), 4), np.float32)
-    step = max(1, _CHUNK // len(offsets))
-    for first in range(0, len(pixels), step):
-        points = (pixels[first : first + step, None, :] + offsets).reshape(-1, 2)
-        values = shade(camera.to_normalized(points).T.astype(np.float32))[0]
-        grey[first : first + step] = values.reshape(-1, 4, rays).mean(axis=2)
-    return grey
-
-
-@lru_cache(maxsize=2)
-def _pixel_directions(camera):
-    """Undistorted directions (2, height, width) of a camera's pixel centres."""
-    width, height = camera.image_size
-    y, x = np.mgrid[:height, :width]
-    directions = camera.to_normalized(np.column_stack([x.ravel(), y.ravel()]).astype(float))
-    return directions.T.reshape(2, height, width).astype(np.float32)
-
-
-def _blur(image, sigma):
-    """Gaussian blur, cut at 4.5 standard deviations."""
-    if sigma == 0:
-        return image
-    taps = np.arange(-np.ceil(4.5 * sigma), np.ceil(4.5 * sigma) + 1)
-    weights = np.exp(-0.5 * (taps / sigma) ** 2)
-    kernel = (weights / weights.sum()).astype(np.float32)
-    return cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE)
-
-
-def expose(image, noise, rng=None):
-    """Add the sensor's noise to a picture, and round it to 8 bits; with noise None return it as it is.
-
-    Parameters
-    ----------
-    image : (height, width) float32
-    noise : float or None
-        Standard deviation, grey values.
-    rng : seed or Generator
-
-    Returns
-    -------
-    (height, width) uint8 ndarray, or `image`
-
-    Raises
-    ------
-    ValueError
-        If `noise` is unusable.
-    """
-    if noise is None:
-        return image
-    noise = as_number(noise, "noise", 0, 255)
-    if noise > 0:
-        image = image + np.float32(noise) * np.random.default_rng(rng).standard_normal(image.shape, np.float32)
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)

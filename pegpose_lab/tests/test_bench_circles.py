@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pegpose_lab import bench_circles, environment, fit_discs, peers, plotting
-from pegpose_lab.render import TrueDisc, hub
+from pegpose_lab.render import TrueDisc, raycast
 from pegpose_lab.tests.discs import center_bound, draw_ellipses, to_uint8
 
 CLEAN, TILT, HIGHLIGHTS, CLUTTER, *_ = bench_circles.SCENES
@@ -193,7 +193,7 @@ def test_every_fast_method_finds_the_clean_pegs(name, frames):
     method = peers.METHODS[name]
     if peers.missing(method):
         pytest.skip(peers.missing(method))
-    found, seconds = peers.run(method, hub.expose(frames["clean"].picture, 2, 0), bench_circles.RADIUS_RANGE)
+    found, seconds = peers.run(method, raycast.expose(frames["clean"].picture, 2, 0), bench_circles.RADIUS_RANGE)
     rows, false_positives = bench_circles.score(frames["clean"], found, 2)
     assert all(row[1] for row in rows) and len(rows) == 4
     assert false_positives == 0 and seconds > 0

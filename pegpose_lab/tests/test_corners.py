@@ -18,7 +18,7 @@ from pegpose_lab.corners.grid import candidate_grids
 from pegpose_lab.corners.whole_board import check_ends, check_fields
 from pegpose_lab.experiment import paper_experiment
 from pegpose_lab.render import render_board
-from pegpose_lab.render.hub import BoardLook
+from pegpose_lab.render.board import BoardLook
 from pegpose_lab.targets import Checkerboard
 
 CAMERA = TsaiCamera(50.0, (0.075, 0.075), (319.5, 239.5), (640, 480), kappa1=1e-5)

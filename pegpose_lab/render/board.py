@@ -1,0 +1,57 @@
+"""Pictures of a checkerboard."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checks import as_number
+from .raycast import _cast, _outside, _View, expose
+
+
+@dataclass(frozen=True)
+class BoardLook:
+    """Grey values (0..255) of a board: its black and white squares, and what lies around it."""
+
+    black: float = 30.0
+    white: float = 220.0
+    surroundings: float = 120.0
+    margin: float = 0.5  # white rim around the squares, in squares
+
+
+def render_board(camera, cam_from_board, board, *, look=BoardLook(), blur=0.9, noise=2.0, rng=None):
+    """Render a checkerboard.
+
+    Parameters
+    ----------
+    camera : TsaiCamera or OpenCVCamera
+    cam_from_board : RigidTransform
+    board : Checkerboard
+    look : BoardLook
+    blur : float
+        Standard deviation of the Gaussian blur, px.
+    noise : float
+        Standard deviation of the noise, grey values.
+    rng : seed or Generator
+
+    Returns
+    -------
+    (height, width) uint8 ndarray
+
+    Raises
+    ------
+    ValueError
+        If the board lies behind the camera, or a parameter is unusable.
+    """
+    blur = as_number(blur, "blur", 0, 100)
+    camera.project(board.object_points, cam_from_board)  # raises if a corner is behind the camera
+    view = _View(cam_from_board)
+
+    def shade(directions):
+        x, y = view.on_plane(directions, 0.0) / board.square + 1
+        column, row = np.floor(x), np.floor(y)
+        part = ((column + row) % 2).astype(np.uint8)
+        part[_outside(x, board.columns + 1, 0) | _outside(y, board.rows + 1, 0)] = 1
+        part[_outside(x, board.columns + 1, look.margin) | _outside(y, board.rows + 1, look.margin)] = 2
+        return np.take(np.float32([look.black, look.white, look.surroundings]), part), part
+
+    return expose(_cast(camera, shade, blur), noise, rng)

@@ -1,0 +1,67 @@
+"""The exact image of a disc: its outline, centroid and area."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checks import as_count, as_number
+
+
+@dataclass(frozen=True)
+class TrueDisc:
+    """Exact image of a disc: the centroid (2,) px of its area, the area px^2, and sqrt(area / pi) px."""
+
+    centroid: np.ndarray
+    area: float
+    radius: float
+
+
+def true_disc(camera, cam_from_object, center, radius):
+    """Return the exact image of a disc that lies in a plane z = const of an object's frame.
+
+    The centroid is that of the imaged area, which is not the image of the disc's centre.
+
+    Parameters
+    ----------
+    camera : TsaiCamera or OpenCVCamera
+    cam_from_object : RigidTransform
+    center : (3,) array_like
+        mm, in the object's frame.
+    radius : float
+        mm.
+
+    Returns
+    -------
+    TrueDisc
+    """
+    outline = disc_outline(camera, cam_from_object, center, radius, 2000)
+    origin = outline.mean(axis=0)
+    x, y = (outline - origin).T
+    x_next, y_next = np.roll(x, -1), np.roll(y, -1)
+    cross = x * y_next - x_next * y
+    area = cross.sum() / 2
+    centroid = np.array([np.sum((x + x_next) * cross), np.sum((y + y_next) * cross)]) / (6 * area)
+    return TrueDisc(origin + centroid, abs(area), float(np.sqrt(abs(area) / np.pi)))
+
+
+def disc_outline(camera, cam_from_object, center, radius, n_points=100):
+    """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame."""
+    n_points = as_count(n_points, "n_points", 3)
+    angles = np.linspace(0, 2 * np.pi, n_points, endpoint=False)
+    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(n_points)])
+    return camera.project(np.asarray(center) + as_number(radius, "radius", 0) * rim, cam_from_object)
+
+
+# ---- from rays to pixels ----
+
+
+def _bounding_box(camera, cam_from_hub, hub, swarf, margin):
+    """Rows and columns (top, bottom, left, right) of the picture that show anything but background."""
+    reach = max([hub.radius, hub.pitch_circle_diameter / 2 + hub.peg_radius, *(np.hypot(*swarf.T[:2]) + swarf[:, 3])])
+    outlines = [disc_outline(camera, cam_from_hub, (0, 0, z), reach) for z in (0.0, hub.peg_height)]
+    low = np.floor(np.min(np.vstack(outlines), axis=0)).astype(int) - margin
+    high = np.ceil(np.max(np.vstack(outlines), axis=0)).astype(int) + margin
+    width, height = camera.image_size
+    left, right = np.clip([low[0], high[0]], 0, width)
+    top, bottom = np.clip([low[1], high[1]], 0, height)
+    return top, bottom, left, right
