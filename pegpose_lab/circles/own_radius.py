@@ -92,4 +92,3 @@ def _edge_circle(points, normals, center, radius, width):
     else:
         return center, radius
     return np.full(2, np.nan), np.nan
-

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from .checks import as_choice, as_count, as_image, as_number, as_points
+from ..checks import as_choice, as_count, as_image, as_number, as_points
 from .own_radius import end_tolerance, own_radius
 
 METHODS = ("two-stage", "phase-code", "accumulator", "multiscale")

@@ -1,0 +1,13 @@
+"""Circles in a picture by Hough transforms: `find_circles`.
+
+A detector is one file here and one line in its registry: `request.METHODS` names it, `find` calls it.
+"""
+
+from .find import METHODS, Circles, circle_accumulator, find_circles
+
+__all__ = [
+    "Circles",
+    "METHODS",
+    "circle_accumulator",
+    "find_circles",
+]
