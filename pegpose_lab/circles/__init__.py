@@ -3,7 +3,10 @@
 A detector is one file here and one line in its registry: `request.METHODS` names it, `find` calls it.
 """
 
-from .find import METHODS, Circles, circle_accumulator, find_circles
+from .find import find_circles
+from .request import METHODS
+from .select import Circles
+from .votes import circle_accumulator
 
 __all__ = [
     "Circles",

@@ -92,3 +92,30 @@ def _edge_circle(points, normals, center, radius, width):
     else:
         return center, radius
     return np.full(2, np.nan), np.nan
+
+
+def _of_own_radius(gradient, rows, request, wide):
+    """The circles, rows x, y, r, score, whose radius lies in the range by what their edge itself tells.
+
+    A circle of which too little edge is seen for that is judged by the radius that the method gives it.  That
+    of "phase-code" is ambiguous at the ends of the range: there the edge tells which one it is.
+    """
+    if len(rows) == 0:
+        return rows
+    y, x = np.nonzero(gradient.magnitude > gradient.threshold(request))
+    inwards = request.sign * np.stack([gradient.dx[y, x], gradient.dy[y, x]], axis=1).astype(float)
+    points, reach = np.stack([x, y], axis=1).astype(float), 3 * wide.r_max
+    own = np.array([own_radius(points, inwards, row[:3], reach) for row in rows])
+    known, ratio = np.isfinite(own), wide.r_max / wide.r_min
+    if request.method == "phase-code":
+        others = rows[:, 2, None] * ratio ** np.array([0.0, -1.0, 1.0])
+        nearest = np.abs(others - np.where(known, own, rows[:, 2])[:, None]).argmin(axis=1)
+        rows[:, 2] = others[np.arange(len(rows)), nearest]
+    radii = np.where(known, own, rows[:, 2])
+    return rows[_in_range(radii, request)]
+
+
+def _in_range(radii, request):
+    """Which radii lie in the range, or nearer to it than the error that they may have."""
+    tolerance = end_tolerance(radii)
+    return (radii >= request.r_min - tolerance) & (radii <= request.r_max + tolerance)

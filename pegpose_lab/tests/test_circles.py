@@ -10,7 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from pegpose_lab.circles import METHODS, Circles, circle_accumulator, find, find_circles
+from pegpose_lab.circles import METHODS, Circles, circle_accumulator, find_circles
+from pegpose_lab.circles import votes as votes_file
+from pegpose_lab.circles.edges import _Gradient
+from pegpose_lab.circles.peaks import _regional_peaks
 from pegpose_lab.tests.discs import SEEDS, TURNS, Scene, draw_ellipses, scenes, to_uint8
 
 TRUTH = np.array([(40.3, 44.8, 14.0), (95.6, 50.2, 18.0), (62.1, 101.4, 16.0)])
@@ -100,7 +103,7 @@ def test_gradient_is_correctly_rounded_wherever_it_lies_in_memory():
         buffer = np.empty(image.nbytes + offset, np.uint8)
         moved = buffer[offset:].reshape(image.shape)
         moved[...] = image
-        gradient = find._Gradient(moved)
+        gradient = _Gradient(moved)
         exact = np.hypot(gradient.dx.astype(np.longdouble), gradient.dy.astype(np.longdouble))
         np.testing.assert_array_equal(gradient.magnitude, exact.astype(np.float32))
 
@@ -108,7 +111,7 @@ def test_gradient_is_correctly_rounded_wherever_it_lies_in_memory():
 def test_votes_do_not_depend_on_the_chunks(monkeypatch):
     image = _picture()
     whole = circle_accumulator(image, RANGE)
-    monkeypatch.setattr(find, "CHUNK", 1)
+    monkeypatch.setattr(votes_file, "CHUNK", 1)
     np.testing.assert_allclose(circle_accumulator(image, RANGE), whole, rtol=1e-12, atol=1e-15)
 
 
@@ -127,7 +130,7 @@ def test_peaks_equal_h_maxima_by_reconstruction(h):
     rng = np.random.default_rng(1)
     surface = ndimage.gaussian_filter(rng.random((60, 50)), 2)
     surface = ((surface - surface.min()) / np.ptp(surface)).astype(np.float32)
-    fast = find._regional_peaks(surface, h)
+    fast = _regional_peaks(surface, h)
     slow = _maxima_by_reconstruction(surface.astype(float), np.float32(h).astype(float))
     assert len(fast) == len(slow) > 0
     np.testing.assert_allclose(fast, slow, atol=1e-4)
