@@ -14,7 +14,7 @@ from .checks import DetectionError
 from .circles import find_circles
 from .corners import find_corners
 from .datasets import dataset, read_corners, write_corners
-from .edges import fit_discs
+from .discs import fit_discs
 from .files import PROJECT_FOLDER, replacing
 from .joint import calibrate_joint
 from .render import true_disc

@@ -23,7 +23,7 @@ import numpy as np
 
 from . import environment
 from .circles import find_circles
-from .edges import fit_discs
+from .discs import fit_discs
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import numpy as np
 
 from .checks import DetectionError, as_image
 from .circles import find_circles
-from .edges import fit_discs
+from .discs import fit_discs
 from .segmentation import segment
 from .targets import MOST_PEGS
 

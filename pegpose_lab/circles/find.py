@@ -3,7 +3,7 @@
 The paper finds its circles in the segmented image with MATLAB's two-stage method (Sect. 3.1, ref. 11) and
 describes the classic transform: "a circle is drawn for each edge point with a radius r".  All three
 are here, and a fourth that finds circles of any size, tilted, blurred or unevenly lit, in a fraction of their
-time.  They serve to find circles, `pegpose_lab.edges` to measure them:
+time.  They serve to find circles, `pegpose_lab.discs` to measure them:
 
     discs = fit_discs(image, find_circles(image, (r_min, r_max)))
 """

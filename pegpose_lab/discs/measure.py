@@ -1,21 +1,4 @@
-"""Sub-pixel discs: the maximum-likelihood fit of a blurred ellipse edge, with a sigma for every number.
-
-Around the edge of a blurred disc the picture is
-
-    I = B + A Phi((d - s^2 kappa / 2) / s),
-
-d the signed distance to the ellipse (positive inside), Phi the normal distribution function, s the
-edge's standard deviation (optical blur and the pixel's own width, s^2 = blur^2 + 1/12) and kappa the
-ellipse's curvature: blur moves the half-way point of a curved edge towards the inside by s^2 kappa / 2.
-With white noise, least squares over the pixels of a ring around the edge is maximum likelihood: for
-a disc of radius r, contrast A and noise sigma, no unbiased method can measure the centre better
-than (sigma / A) sqrt(2 s / (sqrt(pi) r)) per axis.
-
-The fit runs over the centre, the radius of the circle of equal area r, the shape, log s and the
-levels; where the ground farther out is even, up to 24 px from the edge, its mean values help to know these.  The
-shape is a symmetric traceless matrix m (cos 2 angle, sin 2 angle; sin 2 angle, -cos 2 angle)
-with semi-axes r exp(+-m): unlike axes and angle it is regular for a perfect circle.
-"""
+"""From circles to discs: the fits of a picture, and what is returned of them."""
 
 from dataclasses import dataclass, replace
 
@@ -24,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import ndtr
 
-from .checks import as_choice, as_image, as_number, as_points
+from ..checks import as_choice, as_image, as_number, as_points
 
 RING = 6.0  # px on either side of the edge that take part in the fit
 GROUND = 24.0  # px on either side of the edge up to which even ground helps to know the levels
