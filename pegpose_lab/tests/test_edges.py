@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from scipy.special import ndtr
 
 from pegpose_lab.circles import find_circles
-from pegpose_lab.discs import fit_discs, measure
+from pegpose_lab.discs import fit_discs, ground, measure, model, refit, ring, start
+from pegpose_lab.discs.ellipse import _Ellipse
 from pegpose_lab.tests.discs import SEEDS, TURNS, center_bound, draw_ellipses, scenes, to_uint8
 
 GRID = [(80 + 130 * i, 80 + 130 * j) for i in range(4) for j in range(4)]
@@ -62,13 +63,15 @@ def test_even_ground_stands_for_a_ring_as_wide(monkeypatch):
     truth, image, circles = _one_picture()
     narrow = fit_discs(image, circles)
     with monkeypatch.context() as patch:
-        patch.setattr(measure, "RING", measure.GROUND)
-        patch.setattr(measure, "GROUND", measure.GROUND + 0.1)
+        patch.setattr(ground, "RING", ground.GROUND)
+        patch.setattr(refit, "RING", ground.GROUND)
+        patch.setattr(ring, "RING", ground.GROUND)
+        patch.setattr(ground, "GROUND", ground.GROUND + 0.1)
         wide = fit_discs(image, circles)
     radius = narrow.sigmas[:, 2]
     assert np.abs(narrow.radii - wide.radii).max() < 0.25 * radius.min()
     np.testing.assert_allclose(narrow.sigmas[:, :4], wide.sigmas[:, :4], rtol=0.05)
-    monkeypatch.setattr(measure, "GROUND", measure.RING)  # no ground: the radius is known less well
+    monkeypatch.setattr(ground, "GROUND", ring.RING)  # no ground: the radius is known less well
     ring_alone = fit_discs(image, circles)
     assert ring_alone.sigmas[:, 2].mean() > 1.03 * narrow.sigmas[:, 2].mean()
 
@@ -82,9 +85,9 @@ def test_ground_is_left_alone_where_it_is_uneven_or_the_edge_reaches_it(monkeypa
     uneven = fit_discs(image, circles)
     _, blurred_image, _ = _one_picture(blur=1.9)
     blurred = fit_discs(blurred_image, circles)
-    monkeypatch.setattr(measure, "_BY_LEVELS", np.array([[0.0, 1.0], [0.0, 1.0]]))  # only the inside counts
+    monkeypatch.setattr(ground, "_BY_LEVELS", np.array([[0.0, 1.0], [0.0, 1.0]]))  # only the inside counts
     np.testing.assert_allclose(fit_discs(image, circles).radii, uneven.radii, atol=1e-6)
-    monkeypatch.setattr(measure, "GROUND", measure.RING)
+    monkeypatch.setattr(ground, "GROUND", ring.RING)
     np.testing.assert_array_equal(fit_discs(blurred_image, circles).radii, blurred.radii)
 
 
@@ -175,7 +178,7 @@ def test_side_walls_are_fitted_by_sectors(monkeypatch):
     rms, scaled, discs = rms_and_scaled()
     assert discs.accepted.all() and rms < 0.03 and scaled < 1.5
     monkeypatch.setattr(measure, "REFIT_SIGMAS", np.inf)
-    monkeypatch.setattr(measure, "GROUND_SIGMAS", np.inf)
+    monkeypatch.setattr(ground, "GROUND_SIGMAS", np.inf)
     assert rms_and_scaled()[0] > 5 * rms
 
 
@@ -286,7 +289,7 @@ def test_discs_larger_than_opencv_takes_are_started_on_every_so_many_th_pixel(mo
     image = to_uint8(draw_ellipses((300, 300), [(150.2, 148.9, 110, 110, 0)]), 2.0, 0)
     circles = _circles([(152, 150)], [105])
     whole = fit_discs(image, circles)
-    monkeypatch.setattr(measure, "REMAP_LIMIT", 99)
+    monkeypatch.setattr(start, "REMAP_LIMIT", 99)
     parts = fit_discs(image, circles)
     assert whole.accepted[0] and parts.accepted[0]
     np.testing.assert_allclose(parts.centers, whole.centers, atol=2e-3)
@@ -467,7 +470,7 @@ def test_promises_hold_for_any_picture_and_a_fifth_of_the_fits_is_accepted():
 @given(st.floats(-0.6, 0.6), st.floats(-1.5, 1.5), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
 def test_shape_steps_match_the_distance_derivatives(m, angle, dp, dq):
     """A small step of the shape changes the distance as the analytic derivatives say."""
-    ellipse = measure._Ellipse(3.0, -2.0, 20.0, abs(m), angle)
+    ellipse = _Ellipse(3.0, -2.0, 20.0, abs(m), angle)
     t = np.linspace(0, 6, 25)
     x, y = 3 + 21 * np.cos(t), -2 + 19 * np.sin(t)
     (a, b), cos, sin = ellipse.axes, np.cos(angle), np.sin(angle)
@@ -526,18 +529,18 @@ def _model(x, y, ellipse, log_s):
 )
 def test_fast_rows_equal_the_literal_model(m, angle, log_s, r, shift):
     """Single precision and the tables cost less than 1e-3 of the contrast, and of its derivatives."""
-    ellipse = measure._Ellipse(*(np.array([value]) for value in (100.0 + shift, 90.0 - shift, r, m, angle)))
+    ellipse = _Ellipse(*(np.array([value]) for value in (100.0 + shift, 90.0 - shift, r, m, angle)))
     t = np.linspace(0, 6.2, 40)[:, None]
     beyond = 1 + np.linspace(-4, 4, 9) / r
     x = np.rint(100 + r * beyond * np.cos(t)).ravel()
     y = np.rint(90 + r * beyond * np.sin(t)).ravel()
     ones = np.ones((1, len(x)), np.float32)
-    pixels = measure._Pixels(
+    pixels = ring._Pixels(
         np.array([[100.0, 90.0]]), (x[None] - 100).astype(np.float32), (y[None] - 90).astype(np.float32), ones, ones,
         np.zeros(1),
     )
-    fast = measure._ingredients(pixels, ellipse, np.array([log_s]), extra=2)[0]
-    one = measure._Ellipse(*(float(getattr(ellipse, name)[0]) for name in ("x", "y", "r", "m", "angle")))
+    fast = model._ingredients(pixels, ellipse, np.array([log_s]), extra=2)[0]
+    one = _Ellipse(*(float(getattr(ellipse, name)[0]) for name in ("x", "y", "r", "m", "angle")))
     share, derivatives = _model(x, y, one, log_s)
     far = np.hypot(x - one.x, y - one.y) > 1
     np.testing.assert_allclose(fast[7][far], share[far], atol=1e-3)

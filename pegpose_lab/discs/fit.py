@@ -1,0 +1,203 @@
+"""Gauss-Newton over ellipse, edge width and levels of many discs at once: the simple model."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .ellipse import _distance, _Ellipse, _inside, _limited, _movement
+from .model import QUANTISATION, _ingredients
+from .ring import _ring_pixels
+
+PART = 4  # every so-many-th pixel is enough for the first steps, if there are LEAST_PIXELS
+LEAST_PIXELS, LEAST_RING = 600, 30
+MAX_STEPS, ROUGH_STEPS = 12, 6
+STEP_TOLERANCE = 1e-3  # squared length, in sigmas, of a step that is not worth taking
+ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px, a step after which none is needed: on a part of the pixels, on all
+MAX_RINGS = 2
+
+
+@dataclass
+class _Solution:
+    """Fits of the simple model, levels B and A, a row each; `normal` is for x, y, r, p, q, log s, B, A."""
+
+    ellipse: _Ellipse
+    log_s: np.ndarray
+    levels: np.ndarray
+    normal: np.ndarray
+    squares: np.ndarray
+    count: np.ndarray
+    noise: np.ndarray
+    converged: np.ndarray
+
+    def update(self, rows, other):
+        """Take over other solutions in some rows."""
+        for name in self.__dataclass_fields__:
+            getattr(self, name)[rows] = getattr(other, name)
+
+
+def _settle(image, ellipses):
+    """Fit, and fit again on a new ring where the ellipse moved by more than a pixel.
+
+    Returns a `_Solution` with a row for each, and the reasons why there is none.
+    """
+    n = len(ellipses.r)
+    ellipse, log_s, reasons = ellipses[np.arange(n)], np.full(n, np.log(1.2)), np.full(n, "", object)
+    reasons[~_inside(ellipse, image.shape)] = "leaves the image"
+    solution = _Solution(ellipse, log_s, np.zeros((n, 2)), np.zeros((n, 8, 8)), *np.zeros((4, n)))
+    todo = np.flatnonzero(reasons == "")
+    for _ in range(MAX_RINGS if len(todo) else 0):
+        ring = _ring_pixels(image, ellipse[todo])
+        few = ring.used.sum(axis=1) < LEAST_RING
+        if few.any():
+            reasons[todo[few]], todo = "no edge", todo[~few]
+            if len(todo) == 0:
+                return solution, reasons
+            ring = _ring_pixels(image, ellipse[todo])
+        found, singular = _least_squares(ring, ellipse[todo], log_s[todo])
+        moved = _distance(ellipse[todo], found.ellipse)
+        solution.update(todo, found)
+        reasons[todo[singular]] = "no edge"
+        reasons[todo[~singular & ~_inside(found.ellipse, image.shape)]] = "leaves the image"
+        todo = todo[(moved >= 1) & (reasons[todo] == "")]
+        if len(todo) == 0:
+            return solution, reasons
+    solution.converged[todo] = False
+    return solution, reasons
+
+
+def _least_squares(pixels, ellipse, log_s):
+    """Gauss-Newton over ellipse, log s and the levels: on a part of the pixels, then on all.
+
+    Returns a `_Solution` and where the equations are singular.
+    """
+    many = pixels.used.sum(axis=1) > LEAST_PIXELS
+    if many.any():
+        part, *_ = _gauss_newton(
+            pixels.some(many, PART), ellipse[many], log_s[many], ROUGH_STEP, ROUGH_STEPS, residuals=None
+        )
+        ellipse, log_s = ellipse[np.arange(len(many))], log_s.copy()
+        ellipse[many], log_s[many] = part.ellipse, part.log_s
+    residuals = np.empty(pixels.x.shape, np.float32)
+    solution, singular = _gauss_newton(pixels, ellipse, log_s, SMALL_STEP, MAX_STEPS, residuals)
+    solution.levels[:, 0] += pixels.level
+    for i, m in enumerate(solution.count.astype(int)):
+        solution.squares[i], solution.noise[i] = _sum_of_squares(residuals[i, :m]), _residual_noise(residuals[i, :m])
+    return solution, singular
+
+
+def _gauss_newton(pixels, ellipse, log_s, small, most, residuals):
+    """Gauss-Newton with halved steps, n discs at once; B and A are solved for in every step.
+
+    A disc is done when its step's squared length in its own sigmas is below STEP_TOLERANCE, when a step that
+    moves nothing by more than `small` is taken (the rest of the way is of second order: no more than that
+    squared), or when a small one fails to improve the fit.  Fills in the residuals of the pixels, unless None.
+    """
+    n, count = len(log_s), pixels.used.sum(axis=1, dtype=float)
+    best, step, fraction, gain = None, np.zeros((n, 6)), np.ones(n), np.zeros(n)
+    done, singular = np.zeros((2, n), bool)
+    for _ in range(most):
+        trial = ellipse.moved(*(fraction[:, None] * step[:, :5]).T)
+        trial_s = np.clip(log_s + fraction * step[:, 5], -1.5, 2.0)
+        rows = _ingredients(pixels, trial, trial_s)
+        parts = rows.reshape(n, 9, -1, pixels.chunk).swapaxes(1, 2)
+        found, combination, scale, new_step, new_gain, bad = _solve_rows(parts, trial, trial_s, count)
+        if best is None:
+            best, better = found, np.ones(n, bool)
+        else:
+            better = (found.squares <= best.squares) & ~done
+            done |= ~better & (gain <= 10 * STEP_TOLERANCE * np.maximum(best.squares / count, QUANTISATION))
+            best.update(better, _rows(found, better))
+        step[better], gain[better], singular[better & bad] = new_step[better, :6], new_gain[better], True
+        fraction = np.where(better, np.minimum(1.0, 2 * fraction), 0.5 * fraction)
+        ellipse, log_s = best.ellipse, best.log_s
+        decrement = gain / np.maximum(best.squares / count, QUANTISATION)
+        last = better & ((decrement <= STEP_TOLERANCE) | (_movement(step, ellipse) < small))
+        if last.any():
+            best.update(last, _after_last_step(_rows(best, last), new_step[last], gain[last]))
+        combination[last, :8] -= new_step[last] * scale[last]
+        if residuals is not None:
+            rest = combination[better, None, None] @ (parts if better.all() else parts[better])
+            residuals[better] = rest.reshape(-1, residuals.shape[1])
+        done |= last | singular
+        if done.all():
+            break
+        step = _limited(step, ellipse)
+    best.converged[:] = done
+    return best, singular
+
+
+def _rows(solution, rows):
+    """Some rows of a `_Solution`."""
+    return _Solution(*(getattr(solution, name)[rows] for name in solution.__dataclass_fields__))
+
+
+def _after_last_step(solution, step, gain):
+    """Solutions after a step (n, 8) so small that the linear model says what it changes."""
+    step = np.hstack([_limited(step[:, :6], solution.ellipse), step[:, 6:]])
+    return _Solution(
+        solution.ellipse.moved(*step[:, :5].T),
+        np.clip(solution.log_s + step[:, 5], -1.5, 2.0),
+        solution.levels + step[:, 6:],
+        solution.normal,
+        np.maximum(solution.squares - gain, 0),
+        solution.count,
+        solution.noise,
+        solution.converged,
+    )
+
+
+def _solve_rows(parts, ellipse, log_s, count):
+    """From `_ingredients` in chunks (n, c, 9, chunk): the solution; the residual as a linear combination (n, 9) of
+    the ingredients; the next step (n, 8), how much it gains, and where it is undefined.
+    """
+    moments = (parts @ parts.swapaxes(2, 3)).sum(axis=1)
+    ones, mean, phi = moments[:, 6, 6], moments[:, 6, 7], moments[:, 7, 7]
+    contrast = moments[:, 7, 8] - mean * moments[:, 6, 8] / ones
+    contrast /= np.maximum(phi - mean**2 / ones, 1e-12)
+    level = (moments[:, 6, 8] - contrast * mean) / ones
+    combination = np.zeros((len(count), 9))
+    combination[:, 6], combination[:, 7], combination[:, 8] = -level, -contrast, 1
+    against = (moments @ combination[:, :, None])[:, :, 0]
+    squares = np.maximum((combination * against).sum(axis=1), 0)
+    scale = np.where(np.arange(8) < 6, contrast[:, None], 1.0)
+    normal, gradient = moments[:, :8, :8] * (scale[:, :, None] * scale[:, None, :]), against[:, :8] * scale
+    step, bad = _solve_scaled(normal, gradient)
+    levels, unknown = np.stack([level, contrast], axis=1), np.zeros(len(count))
+    solution = _Solution(ellipse, log_s, levels, normal, squares, count, unknown, unknown.copy())
+    return solution, combination, scale, step, (step * gradient).sum(axis=1), bad
+
+
+def _sum_of_squares(residuals):
+    return float(np.square(residuals, dtype=float).sum())
+
+
+def _residual_noise(residuals):
+    """Standard deviation of the noise, from the differences of neighbouring residuals (m,) of one disc.
+
+    Differences larger than 3.5 standard deviations (first by their median) are left out: edges that the model
+    does not describe.
+    """
+    difference = np.abs(np.diff(residuals))
+    middle = len(residuals) // 2
+    limit = 3.5 * max(1.4826 * float(np.partition(difference, middle)[middle]), 0.7)
+    difference = difference[difference < limit]
+    return np.sqrt(max(_sum_of_squares(difference) / max(2 * len(difference), 1), QUANTISATION))
+
+
+def _variance(solution):
+    """Residual variance (n,) of the simple model with its 8 unknowns."""
+    return np.maximum(solution.squares / np.maximum(solution.count - 8, 1), QUANTISATION)
+
+
+# -------------------------------------------------------------------------------------------------- sectors
+
+
+def _solve_scaled(normal, gradient):
+    """Solve n normal equations, scaled to a unit diagonal; the steps, 0 where singular, and where that is."""
+    scale = np.sqrt(np.maximum(np.diagonal(normal, axis1=1, axis2=2), 1e-18))
+    unit = normal / (scale[:, :, None] * scale[:, None, :])
+    bad = (scale < 1e-6).any(axis=1) | ~(np.linalg.det(unit) > 1e-14)
+    unit[bad] = np.eye(normal.shape[1])
+    step = np.linalg.solve(unit, (gradient / scale)[:, :, None])[:, :, 0] / scale
+    step[bad] = 0
+    return step, bad
