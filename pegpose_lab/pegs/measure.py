@@ -1,15 +1,4 @@
-"""From a picture to labelled pegs, and their labels from frame to frame (Sect. 3.1, Fig. 3).
-
-Segmentation gives parts, a Hough transform the circle in each part, and a search over these circles the
-hub: a bore, a ring of equal discs around it and screws in their gaps.  No camera is known here, so the
-pattern may have any size and turn, and the tilt and perspective that a camera looking down on a hub can give
-it.  The circles that belong to the hub are then measured as discs.
-
-The search knows two facts.  A regular n-gon seen from afar is an affine image of itself: of its Fourier
-series along the ring, z_k = sum_m F_m exp(2 pi i m k / n) with z = x + i y, only F_0 (the centre), F_1 (size and
-turn) and F_-1 (tilt) remain; perspective adds a little F_2.  And bore and screws lie in a plane of their own,
-lower by the pegs' height: seen obliquely they are shifted together, by as much as the bore.
-"""
+"""The discs of a labelled ring, measured, and checked against one plane's perspective."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -18,11 +7,11 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 
-from .checks import DetectionError, as_image
-from .circles import find_circles
-from .discs import fit_discs
-from .segmentation import segment
-from .targets import MOST_PEGS
+from ..checks import DetectionError, as_image
+from ..circles import find_circles
+from ..discs import fit_discs
+from ..segmentation import segment
+from ..targets import MOST_PEGS
 
 SENSITIVITY = 0.95  # of the Hough transform: the pattern sorts out false circles
 LARGEST_TILT_RATIO = 0.3  # |F_-1 / F_1| = (1 - cos tilt) / (1 + cos tilt): 57 degrees

@@ -1,0 +1,13 @@
+"""Labelled pegs of a hub in a picture, and in frame after frame: `locate_pegs`, `track_pegs`.
+
+The steps are `candidates`, `rings`, `labels` and `measure`; `locate` and `track` lead through them.  A new
+rule for the labels belongs into `labels`.
+"""
+
+from .measure import PegObservation, locate_pegs, track_pegs
+
+__all__ = [
+    "PegObservation",
+    "locate_pegs",
+    "track_pegs",
+]
