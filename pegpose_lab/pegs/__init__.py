@@ -4,7 +4,9 @@ The steps are `candidates`, `rings`, `labels` and `measure`; `locate` and `track
 rule for the labels belongs into `labels`.
 """
 
-from .measure import PegObservation, locate_pegs, track_pegs
+from .locate import locate_pegs
+from .measure import PegObservation
+from .track import track_pegs
 
 __all__ = [
     "PegObservation",

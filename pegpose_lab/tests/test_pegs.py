@@ -14,7 +14,9 @@ from pegpose_lab.camera import TsaiCamera
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.experiment import paper_experiment
 from pegpose_lab.pegs import locate_pegs, track_pegs
-from pegpose_lab.pegs.measure import _check_fits, _check_shapes, _choose, _rings_around, _screws_look_alike
+from pegpose_lab.pegs.labels import _choose, _screws_look_alike
+from pegpose_lab.pegs.measure import _check_fits, _check_shapes
+from pegpose_lab.pegs.rings import _rings_around
 from pegpose_lab.pose import estimate_pose, project_discs
 from pegpose_lab.render import render_hub
 from pegpose_lab.targets import MOST_PEGS, Hub

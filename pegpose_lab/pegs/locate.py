@@ -1,0 +1,99 @@
+"""The pegs of a hub in one picture, and what to say when something is missing."""
+
+import numpy as np
+
+from ..checks import DetectionError, as_image
+from ..segmentation import segment
+from .candidates import _part_circles
+from .labels import _choose, _labellings, _nearest, _screw_places
+from .measure import _measure
+from .rings import _find_rings, _neighbours
+
+
+def locate_pegs(image, hub, *, previous=None, min_area=None, threshold=None):
+    """Find a hub's pegs, bore and screws (bright discs) and label them.
+
+    Labels run clockwise on the screen (about the hub's z axis, away from the camera) from the gap with the
+    first screw, as in Table 2; the paper's "anticlockwise" holds with y up.  Where the screws leave several
+    labellings (with four pegs and opposite screws the picture is the same after half a turn), `previous`
+    decides: the pegs move as little as possible about their middle.  Without it the first screw is the one
+    further left in the picture, of two equally far left the upper one.
+
+    Parameters
+    ----------
+    image : (height, width) uint8
+    hub : Hub
+    previous : PegObservation, optional
+        The same hub in the frame before.
+    min_area, threshold : float, optional
+        As for `segment`; `min_area` has to be below the area of a screw (px).
+
+    Returns
+    -------
+    PegObservation
+
+    Raises
+    ------
+    ValueError
+        If an argument is unusable.
+    DetectionError
+        If a part is missing or a peg's edge cannot be measured, screws fit more than one labelling, or the
+        hub turned so far since `previous` that the labels cannot be carried over.
+    """
+    image = as_image(image)
+    if previous is not None and np.shape(getattr(previous, "peg_centers", None)) != (hub.n_pegs, 2):
+        raise ValueError(f"previous is no PegObservation of {hub.n_pegs} pegs")
+    segmentation = segment(image, min_area=min_area, threshold=threshold)
+    try:
+        return _locate(image, segmentation, hub, previous)
+    except DetectionError:
+        if len(segmentation.levels) == 1:
+            raise
+        # Bright swarf on a bore can make two grey levels of it; one threshold for all leaves it whole.
+        try:
+            whole = segment(image, min_area=min_area, threshold=segmentation.threshold)
+            return _locate(image, whole, hub, previous)
+        except DetectionError:
+            pass
+        raise
+
+
+def _locate(image, segmentation, hub, previous):
+    """`locate_pegs` on one segmentation."""
+    circles = _part_circles(image, segmentation)
+    rings = _find_rings(circles, hub)
+    if not rings:
+        raise DetectionError(_missing_pegs(circles, hub))
+    for ring in rings:
+        labellings = _labellings(image, circles, ring, hub)
+        if labellings:
+            return _measure(image, circles, ring, _choose(labellings, circles, previous), hub)
+    raise DetectionError(_missing_screws(circles, rings[0], hub))
+
+
+# ---- what to say when something is missing ----
+
+
+def _missing_pegs(circles, hub):
+    """The message for a picture without a ring."""
+    counts = [min(len(_neighbours(circles, bore, hub)), hub.n_pegs) for bore in range(len(circles.radii))]
+    best = max(counts, default=0)
+    seen = f"found {len(circles.radii)} discs, among them at most {best} of {hub.n_pegs} pegs around a bore"
+    if best == hub.n_pegs:
+        seen += ", but not in a ring"
+    return (
+        f"{seen}; show the whole hub with bright pegs and bore, light it evenly, or give threshold and min_area; "
+        "check the hub's measures"
+    )
+
+
+def _missing_screws(circles, ring, hub):
+    """The message for a ring whose screws are not seen."""
+    counts = []
+    for shift in range(hub.n_pegs):
+        places, radius = _screw_places(circles, ring, shift, hub)
+        counts.append(sum(_nearest(place[None], radius, circles, ring) is not None for place in places))
+    return (
+        f"found {hub.n_pegs} of {hub.n_pegs} pegs and the bore, but {max(counts)} of {len(hub.screw_angles)} "
+        "screws: the pegs cannot be labelled; clear the screws, or lower min_area below their area"
+    )
