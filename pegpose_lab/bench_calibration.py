@@ -9,9 +9,8 @@ from tqdm import tqdm
 
 from . import experiment, rivals
 from .bench_circles import one_thread
-from .joint import calibrate_joint
+from .calibration import calibrate_joint, optimum_in_box
 from .targets import Checkerboard
-from .two_stage import optimum_in_box
 
 SEED = 20
 

@@ -12,10 +12,10 @@ import numpy as np
 import pandas as pd
 
 from . import paper
+from .calibration import calibrate_genetic
 from .checks import as_choice, as_count, as_number
 from .experiment import paper_experiment
 from .files import PROJECT_FOLDER, replacing
-from .two_stage import calibrate_genetic
 
 GIVEN = ("mean", "rms")
 """What the limit is a multiple of: the mean of the distances (Eq. 7 as printed), or their root mean square."""

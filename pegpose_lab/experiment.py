@@ -22,15 +22,13 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tqdm import tqdm
 
 from . import paper
+from .calibration import calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
 from .camera import TsaiCamera
 from .checks import CalibrationError, DetectionError, as_count, as_number
 from .corners import find_corners
 from .files import PROJECT_FOLDER, replacing
-from .joint import calibrate_joint
 from .render import render_board, render_hub
 from .targets import Checkerboard, Hub
-from .two_stage import calibrate_genetic, calibrate_tsai
-from .zhang import calibrate_zhang
 
 N_FRAMES = 45
 TURN_PER_FRAME = np.deg2rad(-3.0)  # anticlockwise on the screen

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from . import experiment
+from .calibration import calibrate_joint
 from .camera import TsaiCamera
 from .checks import DetectionError
 from .circles import find_circles
@@ -16,7 +17,6 @@ from .corners import find_corners
 from .datasets import dataset, read_corners, write_corners
 from .discs import fit_discs
 from .files import PROJECT_FOLDER, replacing
-from .joint import calibrate_joint
 from .render import true_disc
 from .segmentation import segment
 from .targets import Checkerboard

@@ -17,22 +17,23 @@ from scipy.spatial.transform import RigidTransform
 from tqdm import tqdm
 
 from . import experiment, measured
-from .calibration import Calibration
+from .calibration import (
+    BOX,
+    Calibration,
+    TwoStageObjective,
+    calibrate_dlt,
+    calibrate_genetic,
+    calibrate_joint,
+    calibrate_tsai,
+    calibrate_zhang,
+    optimum_in_box,
+    repeat_calibration,
+)
 from .camera import TsaiCamera
 from .checks import CalibrationError
 from .corners import find_corners
 from .files import replacing
-from .joint import calibrate_dlt, calibrate_joint
-from .two_stage import (
-    BOX,
-    TwoStageObjective,
-    calibrate_genetic,
-    calibrate_tsai,
-    optimum_in_box,
-    repeat_calibration,
-)
 from .validation import held_out_distances, leave_one_out
-from .zhang import calibrate_zhang
 
 COMMAND = "python3 -m pegpose_lab.rivals"
 SUCCESS_FILE = "ga_success.csv"

@@ -17,16 +17,15 @@ from IPython.display import Image, display
 from matplotlib.colors import to_rgb
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from .calibration import PENALTY, minimize_genetic
 from .camera import OpenCVCamera, TsaiCamera
 from .checks import CalibrationError, DetectionError, as_image
 from .circles import METHODS, find_circles
-from .genetic import minimize_genetic
 from .pegs import locate_pegs
 from .plotting import COLORS
 from .pose import estimate_pose
 from .render import render_hub
 from .segmentation import segment
-from .two_stage import PENALTY
 
 SHOWN_WIDTH = 800  # px, of every picture
 RENDERED_WIDTH = 400  # px, of the hub's picture before it is enlarged

@@ -24,9 +24,10 @@ from pegpose_lab import (
     calibrate_zhang,
     optimum_in_box,
 )
+from pegpose_lab.calibration import TwoStageObjective, repeat_calibration
+from pegpose_lab.calibration.two_stage.stages import kappa1_per_point, kappa1_shared
 from pegpose_lab.experiment import paper_experiment, paper_pose
 from pegpose_lab.measured import load_corners
-from pegpose_lab.two_stage import TwoStageObjective, kappa1_per_point, kappa1_shared, repeat_calibration
 
 EXPERIMENT = paper_experiment()
 CAMERA = EXPERIMENT.camera
@@ -367,7 +368,7 @@ def test_the_oracle_finds_the_truth_and_flags_the_edge_of_its_box():
     (0.0, 50.0, "not determined, below 50 mm"),
 ])
 def test_an_interval_that_does_not_end_is_told_in_words(monkeypatch, low, high, words):
-    monkeypatch.setattr("pegpose_lab.two_stage.profile_focal_length", lambda *_, **__: (low, high))
+    monkeypatch.setattr("pegpose_lab.calibration.two_stage.flags.profile_focal_length", lambda *_, **__: (low, high))
     flag = calibrate_genetic(*view(), CAMERA, rng=0, box=0.001).flags[0]
     assert f"f is {words} with this principal point, and {words} with the principal point free" in flag
 
@@ -744,6 +745,7 @@ def test_damaged_files_are_refused(tmp_path):
 
 
 # --- unusable input ------------------------------------------------------------------------------------
+
 
 POINTS, IMAGE = view()
 SIX = [0, 7, 18, 29, 40, 47]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pegpose_lab import CalibrationError, calibrate_tsai
-from pegpose_lab.coplanar import solve_images
+from pegpose_lab.calibration import solve_images
 from pegpose_lab.experiment import paper_experiment
 
 TRUTH = paper_experiment()

@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pegpose_lab.genetic import (
-    blend_crossover, first_generation, minimize_genetic, power_mutation, repeat_genetic, roulette,
-)
+from pegpose_lab.calibration import blend_crossover, minimize_genetic, power_mutation
+from pegpose_lab.calibration.two_stage.genetic import first_generation, repeat_genetic, roulette
 
 LOWER, UPPER = np.array([-2.0, 10.0]), np.array([3.0, 50.0])
 

@@ -9,15 +9,28 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import (
-    CalibrationError, TsaiCamera, calibrate_dlt, calibrate_joint, calibrate_tsai, profile_focal_length,
+    CalibrationError,
+    TsaiCamera,
+    calibrate_dlt,
+    calibrate_joint,
+    calibrate_tsai,
+    profile_focal_length,
     weakest_direction,
 )
-from pegpose_lab.bundle import Equations, State, Views, covariance_of, evaluate, minimise, robust_weights
-from pegpose_lab.calibration import judge_focal_length
+from pegpose_lab.calibration.joint.bundle import (
+    Equations,
+    State,
+    Views,
+    covariance_of,
+    evaluate,
+    minimise,
+    robust_weights,
+)
+from pegpose_lab.calibration.joint.models import COEFFICIENTS, lens_model
+from pegpose_lab.calibration.joint.starts import find_start
+from pegpose_lab.calibration.result import judge_focal_length
 from pegpose_lab.datasets import load_points, read_corners
 from pegpose_lab.experiment import paper_experiment, trial_poses
-from pegpose_lab.lens_models import COEFFICIENTS, lens_model
-from pegpose_lab.starts import find_start
 
 EXPERIMENT = paper_experiment()
 CAMERA, BOARD = EXPERIMENT.camera, EXPERIMENT.board.object_points
@@ -287,6 +300,7 @@ def test_intervals_are_those_of_students_t():
 
 
 # --- little tilt: refused, flagged, or right ---------------------------------------------------------------
+
 
 OPTIONS = {
     "default": {}, "fixed": {"principal_point": "fixed"}, "k1k2": {"coefficients": ("k1", "k2")},

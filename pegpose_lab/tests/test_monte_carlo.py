@@ -6,8 +6,16 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from pegpose_lab import experiment, misfit
-from pegpose_lab.experiment import METHODS, PARAMETERS, load_rendered_trials, monte_carlo, paper_camera, trial_poses
+from pegpose_lab import experiment
+from pegpose_lab.calibration.joint import misfit
+from pegpose_lab.experiment import (
+    METHODS,
+    PARAMETERS,
+    load_rendered_trials,
+    monte_carlo,
+    paper_camera,
+    trial_poses,
+)
 from pegpose_lab.targets import Checkerboard
 
 SMALL = {"noises": (0.05, 0.2), "tilts": (20.0, 30.0), "views": (3,), "trials": 2, "progress": False}

@@ -7,11 +7,16 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import (
-    calibrate_dlt, calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang, profile_focal_length,
+    calibrate_dlt,
+    calibrate_genetic,
+    calibrate_joint,
+    calibrate_tsai,
+    calibrate_zhang,
+    profile_focal_length,
 )
+from pegpose_lab.calibration.planes import FLAT, is_planar, plane_frame, relief
+from pegpose_lab.calibration.two_stage.tsai import solve_coplanar, solve_noncoplanar
 from pegpose_lab.experiment import paper_experiment
-from pegpose_lab.planes import FLAT, is_planar, plane_frame, relief
-from pegpose_lab.tsai import solve_coplanar, solve_noncoplanar
 
 EXPERIMENT = paper_experiment()
 CAMERA, BOARD = EXPERIMENT.camera, EXPERIMENT.board.object_points

@@ -7,10 +7,10 @@ from IPython.display import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import checks, widgets
+from pegpose_lab.calibration import PENALTY
 from pegpose_lab.camera import OpenCVCamera, TsaiCamera
 from pegpose_lab.render import render_hub
 from pegpose_lab.targets import Hub
-from pegpose_lab.two_stage import PENALTY
 
 CAMERA = TsaiCamera(48.0, (0.0742, 0.0742), (399.5, 299.5), (800, 600), 1e-5)
 PLANE = RigidTransform.from_components([5.0, -4.0, 270.0], Rotation.from_euler("x", 10, degrees=True))

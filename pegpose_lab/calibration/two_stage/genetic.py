@@ -1,4 +1,4 @@
-r"""A real-coded genetic algorithm over a box (Sect. 3.1, "GA operators").  It knows nothing of cameras.
+"""A real-coded genetic algorithm over a box (Sect. 3.1, "GA operators").  It knows nothing of cameras.
 
 One generation of `minimize_genetic`::
 
@@ -16,11 +16,14 @@ Eqs. 9 and 10 are kept both ``"printed"`` and ``"corrected"``.  Each operator is
 
 from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
-from .checks import as_choice, as_count, as_number, as_points
+from ...checks import as_choice, as_count, as_number, as_points
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,7 @@ class GeneticResult:
     x: np.ndarray
     fun: float
     evaluations: int
-    history: pd.DataFrame
+    history: "pd.DataFrame"
     populations: np.ndarray | None = None
 
 
@@ -157,6 +160,8 @@ def repeat_genetic(objective, bounds, rngs, **options):
             kept.append(population)
     table = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     counts = {"generation": np.arange(len(rows)), "evaluations": size * np.arange(1, len(rows) + 1)}
+    import pandas as pd
+
     return [
         GeneticResult(
             x=population[run, 0].copy(),

@@ -23,10 +23,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
+from ...checks import CalibrationError
 from .bundle import SMALLEST_RMS, Equations, evaluate
-from .checks import CalibrationError
 from .fitting import fit_views
-from .lens_models import COEFFICIENTS, OpenCVModel, TsaiModel, lens_model
+from .models import COEFFICIENTS, OpenCVModel, TsaiModel, lens_model
 
 LEVEL = 0.01
 """Chance that some richer model, or some view, is flagged though all is as the model says."""

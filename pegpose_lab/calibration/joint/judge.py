@@ -1,24 +1,27 @@
-r"""Least squares of all views at once, and what it leaves uncertain (`bundle` has the equations).
-
-What the residuals' noise does to S is judged too.  A view's tilt makes its information about f; where the tilt is no
-larger than its own noise, the noise makes it, more so with every view, and f is wrong by many of its stated sigmas.
-"""
+"""Whether the views determine f: flags, and the errors where they do not."""
 
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import fdtri
 
+from ...camera import demand_tsai
+from ...checks import CalibrationError, as_choice, as_number, as_views, undetermined_if_singular
+from ..planes import is_planar, relief
+from ..result import (
+    MINIMUM_POINTS,
+    Calibration,
+    judge_focal_length,
+    judge_image_size,
+    judge_principal_point,
+    pose_names,
+)
+from ..two_stage.tsai import SMALL_TILT, TILT_SIGNIFICANCE
 from .bundle import Equations, State, Views, descend, evaluate, in_words, minimise
-from .calibration import MINIMUM_POINTS, Calibration, judge_focal_length, judge_image_size, judge_principal_point, pose_names
-from .camera import demand_tsai
-from .checks import CalibrationError, as_choice, as_number, as_views, undetermined_if_singular
 from .fitting import fit_views
-from .lens_models import GivenFocalLength, lens_model
 from .misfit import judge_misfit, views_in_doubt
-from .planes import is_planar, relief
+from .models import GivenFocalLength, lens_model
 from .starts import demand_views, focal_length_of, homographies_of, plane_rotations, poses_of
-from .tsai import SMALL_TILT, TILT_SIGNIFICANCE
 
 LITTLE_WORTH = 0.05
 """Relative sigma of f times the root of the number of views, above which the information about f is put to the test."""

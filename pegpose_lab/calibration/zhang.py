@@ -4,15 +4,15 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .bundle import State, Views, evaluate
-from .calibration import MINIMUM_POINTS, Calibration, judge_focal_length, judge_image_size
-from .camera import OpenCVCamera, TsaiCamera
-from .checks import CalibrationError, as_choice, as_count, as_views, undetermined_if_singular
-from .fitting import fit_at
-from .lens_models import lens_model
-from .misfit import judge_misfit
+from ..camera import OpenCVCamera, TsaiCamera
+from ..checks import CalibrationError, as_choice, as_count, as_views, undetermined_if_singular
+from .joint.bundle import State, Views, evaluate
+from .joint.fitting import fit_at
+from .joint.misfit import judge_misfit
+from .joint.models import lens_model
+from .joint.starts import demand_views
 from .planes import FLAT, is_planar, plane_frame, relief
-from .starts import demand_views
+from .result import MINIMUM_POINTS, Calibration, judge_focal_length, judge_image_size
 
 
 @undetermined_if_singular()

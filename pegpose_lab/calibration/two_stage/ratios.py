@@ -1,4 +1,4 @@
-r"""The algebra of Tsai's linear solution of a plane (`tsai`), for many solutions at once.
+"""The algebra of Tsai's linear solution of a plane (`tsai`), for many solutions at once.
 
 `tsai` solves and judges one image.  Here are the same equations along arrays, without guards and judgement: for the
 derivatives by which `tsai` propagates noise, and for simulations of many images of one board.
@@ -6,7 +6,7 @@ derivatives by which `tsai` propagates noise, and for simulations of many images
 
 import numpy as np
 
-from .checks import CalibrationError, as_points
+from ...checks import CalibrationError, as_points
 
 
 def solve_images(object_points, image_points, camera):

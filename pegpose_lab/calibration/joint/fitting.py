@@ -1,13 +1,16 @@
 """A lens model fitted to all views: from the start to the covariance; what it is worth others judge (`joint`, `misfit`)."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 
+from ...checks import CalibrationError
 from .bundle import SMALLEST_RMS, Equations, State, Views, covariance_of, evaluate, minimise, minimise_robust
-from .checks import CalibrationError
 from .starts import find_start
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -24,7 +27,7 @@ class Fit:
     weights: np.ndarray
     variance: float
     freedom: int
-    covariance: pd.DataFrame
+    covariance: "pd.DataFrame"
 
     @property
     def squares(self):

@@ -1,4 +1,4 @@
-r"""The paper's two stages for one view: Tsai's linear solution, then a genetic algorithm on (f, T_z).
+"""The paper's two stages for one view: Tsai's linear solution, then a genetic algorithm on (f, T_z).
 
 Stage 1 is `calibrate_tsai` (the algebra is in `tsai`), stage 2 `calibrate_genetic` (the algorithm is in
 `genetic`); between them lies `TwoStageObjective`, Eqs. 6 and 7 for many chromosomes at once.
@@ -10,13 +10,13 @@ from functools import cached_property, partial
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from .calibration import MINIMUM_POINTS, Calibration
-from .camera import demand_tsai, distort_radius, max_undistorted_radius
-from .checks import CalibrationError, as_matched_points, as_number, undetermined_if_singular
+from ...camera import demand_tsai, distort_radius, max_undistorted_radius
+from ...checks import CalibrationError, as_matched_points, as_number, undetermined_if_singular
+from ..joint.judge import profile_focal_length
+from ..joint.starts import demand_views
+from ..planes import is_planar
+from ..result import MINIMUM_POINTS, Calibration
 from .genetic import repeat_genetic
-from .joint import profile_focal_length
-from .planes import is_planar
-from .starts import demand_views
 from .tsai import solve_coplanar, solve_noncoplanar
 
 BOX = 0.25
@@ -433,6 +433,7 @@ class _Start:
 
 
 # --- the oracle ----------------------------------------------------------------------------------------
+
 
 SCANNED, SCANNED_F = 401, 41
 """Values of T_z across the box that `optimum_in_box` starts from, and of f for each of them."""

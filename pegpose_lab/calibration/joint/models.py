@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .camera import OpenCVCamera, distort_radius, max_undistorted_radius
+from ...camera import OpenCVCamera, distort_radius, max_undistorted_radius
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 """OpenCV's distortion coefficients in OpenCV's order."""

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .bundle import State, Views, descend, evaluate
-from .camera import OpenCVCamera, TsaiCamera
-from .checks import CalibrationError, as_views, undetermined_if_singular
-from .lens_models import TsaiModel, derivative_by_point
+from ..camera import OpenCVCamera, TsaiCamera
+from ..checks import CalibrationError, as_views, undetermined_if_singular
+from .joint.bundle import State, Views, descend, evaluate
+from .joint.models import TsaiModel, derivative_by_point
+from .joint.starts import demand_order, pnp
 from .planes import is_planar, plane_rotation
-from .starts import demand_order, pnp
 
 SAME_POSE = 1e-3
 """rad: minima that are turned by less from each other are one."""

@@ -13,11 +13,10 @@ views have about the camera when nothing is known of their poses; its smallest e
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .calibration import pose_names
-from .checks import CalibrationError
+from ...checks import CalibrationError
+from ..result import pose_names
 
 MAX_STEPS = 200
 SMALL_STEP = 1e-7
@@ -278,6 +277,8 @@ def covariance_of(model, views, state, equations, variance):
     poses = whole[k:, k:].reshape(v, 6, v, 6)
     poses[range(v), :, range(v), :] += own
     names = model.names + pose_names(v)
+    import pandas as pd
+
     return pd.DataFrame(variance * whole, names, names)
 
 

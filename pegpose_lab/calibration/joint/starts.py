@@ -4,12 +4,11 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from ...camera import UNKNOWN_SIZE
+from ...checks import CalibrationError, outside
+from ..planes import is_planar, plane_rotation
+from ..two_stage.tsai import solve_coplanar, solve_noncoplanar
 from .bundle import State, Views, evaluate
-from .camera import UNKNOWN_SIZE
-from .checks import CalibrationError, outside
-from .planes import is_planar, plane_rotation
-from .tsai import solve_coplanar, solve_noncoplanar
-
 
 DISORDER = 0.25
 """Residual of a plane's homography, in units of the points' spread per axis, above which their order is wrong: wrong
@@ -22,7 +21,7 @@ def demand_views(object_points, image_points, image_size):
     Raises
     ------
     ValueError
-        If all points of a view are outside; some are flagged (`calibration.judge_image_size`).
+        If all points of a view are outside; some are flagged (`result.judge_image_size`).
     CalibrationError
         See `demand_order`.
     """

@@ -10,15 +10,18 @@
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from scipy.special import stdtrit
 
-from .calibration_files import read_calibration, write_calibration
-from .camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
-from .checks import CalibrationError, outside
-from .tsai import LOOSE_INTERVAL
+from ..camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
+from ..checks import CalibrationError, outside
+from .files import read_calibration, write_calibration
+from .two_stage.tsai import LOOSE_INTERVAL
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MINIMUM_POINTS = 5
 """Points of a view: a plane's five ratios (Tsai)."""
@@ -59,8 +62,8 @@ class Calibration:
     cam_from_object: list
     residuals: list
     flags: tuple = ()
-    history: pd.DataFrame | None = None
-    covariance: pd.DataFrame | None = None
+    history: "pd.DataFrame | None" = None
+    covariance: "pd.DataFrame | None" = None
     populations: np.ndarray | None = None
 
     @property

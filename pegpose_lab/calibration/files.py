@@ -8,13 +8,11 @@ from urllib.parse import quote, unquote
 
 import cv2
 import numpy as np
-import pandas as pd
-import yaml
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .camera import OpenCVCamera, TsaiCamera
-from .checks import as_points
-from .files import replacing
+from ..camera import OpenCVCamera, TsaiCamera
+from ..checks import as_points
+from ..files import replacing
 
 FILE_FORMAT = "pegpose_lab calibration 1"
 ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
@@ -38,6 +36,8 @@ def write_calibration(path, calibration, form):
 
 def read_calibration(path):
     """Return the fields of the `Calibration` of a file as a dictionary; raises as `Calibration.load` documents."""
+    import yaml
+
     with open(path, encoding="utf-8", errors="replace") as file:
         text = file.read()
     try:
@@ -55,6 +55,8 @@ def _as_camera_info(camera):
         raise ValueError(f"camera has {coefficients.size} distortion coefficients; ROS names models of 5 or 8")
     width, height = camera.image_size
     projection = np.column_stack([camera.camera_matrix, np.zeros(3)])
+    import yaml
+
     return yaml.safe_dump(
         {
             "image_width": width,
@@ -77,6 +79,8 @@ def _as_matrix(array):
 
 def _from_camera_info(text):
     """The fields of a `Calibration` that has a camera only."""
+    import yaml
+
     info = yaml.safe_load(text)
     if not isinstance(info, dict) or info.get("distortion_model") not in ROS_MODELS.values():
         raise KeyError("it is neither an OpenCV FileStorage nor a ROS camera_info of a known distortion_model")
@@ -182,6 +186,8 @@ class _Nodes:
     def table(self, name):
         if name not in self:
             return None
+        import pandas as pd
+
         columns = self.texts(f"{name}_columns")
         return pd.DataFrame(self.matrix(name, len(columns)), columns=list(columns))
 

@@ -1,0 +1,44 @@
+"""Calibration: from the corners of one view or of many to a camera, its poses, and how certain they are.
+
+`two_stage` is the paper's method, `joint` least squares of all views, `zhang` the baseline; all return
+`result.Calibration`.  A calibration method is one file here, and one line in the table that `study` and the
+notebooks read.
+"""
+
+from .joint.judge import calibrate_dlt, calibrate_joint, profile_focal_length, weakest_direction
+from .pose_of_board import board_pose, board_poses
+from .result import Calibration
+from .two_stage.genetic import blend_crossover, minimize_genetic, power_mutation
+from .two_stage.ratios import solve_images
+from .two_stage.stages import (
+    BOX,
+    PENALTY,
+    TwoStageObjective,
+    calibrate_genetic,
+    calibrate_tsai,
+    optimum_in_box,
+    repeat_calibration,
+)
+from .zhang import calibrate_zhang
+
+__all__ = [
+    "BOX",
+    "Calibration",
+    "PENALTY",
+    "TwoStageObjective",
+    "blend_crossover",
+    "board_pose",
+    "board_poses",
+    "calibrate_dlt",
+    "calibrate_genetic",
+    "calibrate_joint",
+    "calibrate_tsai",
+    "calibrate_zhang",
+    "minimize_genetic",
+    "optimum_in_box",
+    "power_mutation",
+    "profile_focal_length",
+    "repeat_calibration",
+    "solve_images",
+    "weakest_direction",
+]
