@@ -5,20 +5,18 @@
 notebooks read.
 """
 
-from .joint.judge import calibrate_dlt, calibrate_joint, profile_focal_length, weakest_direction
+from .joint.calibrate import calibrate_joint
+from .joint.dlt import calibrate_dlt
+from .joint.profile import profile_focal_length, weakest_direction
 from .pose_of_board import board_pose, board_poses
 from .result import Calibration
-from .two_stage.genetic import blend_crossover, minimize_genetic, power_mutation
+from .two_stage.genes import BOX
+from .two_stage.genetic import minimize_genetic
+from .two_stage.objective import PENALTY, TwoStageObjective
+from .two_stage.operators import blend_crossover, power_mutation
+from .two_stage.oracle import optimum_in_box
 from .two_stage.ratios import solve_images
-from .two_stage.stages import (
-    BOX,
-    PENALTY,
-    TwoStageObjective,
-    calibrate_genetic,
-    calibrate_tsai,
-    optimum_in_box,
-    repeat_calibration,
-)
+from .two_stage.stages import calibrate_genetic, calibrate_tsai, repeat_calibration
 from .zhang import calibrate_zhang
 
 __all__ = [

@@ -11,9 +11,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from ..camera import OpenCVCamera, TsaiCamera
 from ..checks import CalibrationError, as_views, undetermined_if_singular
-from .joint.bundle import State, Views, descend, evaluate
+from .joint.bundle import descend
 from .joint.models import TsaiModel, derivative_by_point
 from .joint.starts import demand_order, pnp
+from .joint.views import State, Views, evaluate
 from .planes import is_planar, plane_rotation
 
 SAME_POSE = 1e-3

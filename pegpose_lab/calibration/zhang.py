@@ -6,11 +6,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from ..camera import OpenCVCamera, TsaiCamera
 from ..checks import CalibrationError, as_choice, as_count, as_views, undetermined_if_singular
-from .joint.bundle import State, Views, evaluate
 from .joint.fitting import fit_at
 from .joint.misfit import judge_misfit
 from .joint.models import lens_model
 from .joint.starts import demand_views
+from .joint.views import State, Views, evaluate
 from .planes import FLAT, is_planar, plane_frame, relief
 from .result import MINIMUM_POINTS, Calibration, judge_focal_length, judge_image_size
 

@@ -25,7 +25,7 @@ from pegpose_lab import (
     optimum_in_box,
 )
 from pegpose_lab.calibration import TwoStageObjective, repeat_calibration
-from pegpose_lab.calibration.two_stage.stages import kappa1_per_point, kappa1_shared
+from pegpose_lab.calibration.two_stage.objective import kappa1_per_point, kappa1_shared
 from pegpose_lab.experiment import paper_experiment, paper_pose
 from pegpose_lab.measured import load_corners
 

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pegpose_lab.calibration import blend_crossover, minimize_genetic, power_mutation
-from pegpose_lab.calibration.two_stage.genetic import first_generation, repeat_genetic, roulette
+from pegpose_lab.calibration.two_stage.genetic import repeat_genetic
+from pegpose_lab.calibration.two_stage.operators import first_generation, roulette
 
 LOWER, UPPER = np.array([-2.0, 10.0]), np.array([3.0, 50.0])
 

@@ -17,17 +17,11 @@ from pegpose_lab import (
     profile_focal_length,
     weakest_direction,
 )
-from pegpose_lab.calibration.joint.bundle import (
-    Equations,
-    State,
-    Views,
-    covariance_of,
-    evaluate,
-    minimise,
-    robust_weights,
-)
+from pegpose_lab.calibration.joint.bundle import Equations, minimise, robust_weights
+from pegpose_lab.calibration.joint.covariance import covariance_of
 from pegpose_lab.calibration.joint.models import COEFFICIENTS, lens_model
 from pegpose_lab.calibration.joint.starts import find_start
+from pegpose_lab.calibration.joint.views import State, Views, evaluate
 from pegpose_lab.calibration.result import judge_focal_length
 from pegpose_lab.datasets import load_points, read_corners
 from pegpose_lab.experiment import paper_experiment, trial_poses

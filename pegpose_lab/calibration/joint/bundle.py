@@ -13,10 +13,10 @@ views have about the camera when nothing is known of their poses; its smallest e
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from ...checks import CalibrationError
-from ..result import pose_names
+from .covariance import in_words
+from .views import evaluate
 
 MAX_STEPS = 200
 SMALL_STEP = 1e-7
@@ -28,9 +28,6 @@ NEAR = 1e-3
 SMALLEST_RMS = 1e-9
 """px; points without noise are not fitted any better than this."""
 
-LEAST_INFORMATION = 1e-11
-"""Smallest eigenvalue of S, scaled by A's diagonal: the part of the information that unknown poses leave."""
-
 HUBER, CAUCHY = 1.501, 2.549
 """Where the robust losses of a point's distance bend, in standard deviations per axis: with many points to a parameter
 the variance is 1/0.95 of least squares' for errors that are normal in x and y (1.345 and 2.385 are for one axis)."""
@@ -38,65 +35,6 @@ the variance is 1/0.95 of least squares' for errors that are normal in x and y (
 ROBUST_ROUNDS = 50
 SMALL_ROUND = 1e-3
 """Length of a round's step, in standard deviations, after which no more are needed."""
-
-
-@dataclass(frozen=True)
-class Views:
-    """All views' points (V, m, 3) from their centroids (V, 3), their images (V, m, 2), and 1 where there is one."""
-
-    points: np.ndarray
-    centroids: np.ndarray
-    image: np.ndarray
-    used: np.ndarray
-
-    @classmethod
-    def stack(cls, object_points, image_points):
-        shape = len(object_points), max(len(points) for points in object_points)
-        points, image, used = np.zeros((*shape, 3)), np.zeros((*shape, 2)), np.zeros(shape)
-        centroids = np.array([points.mean(axis=0) for points in object_points])
-        for view, (p, q) in enumerate(zip(object_points, image_points, strict=True)):
-            points[view, : len(p)], image[view, : len(p)], used[view, : len(p)] = p - centroids[view], q, 1
-        return cls(points, centroids, image, used)
-
-
-@dataclass(frozen=True)
-class State:
-    """Parameters: the camera's, and each view's rotation (V, 3, 3) and position (V, 3) of the centroid.
-
-    The data determine the centroid's position far better than that of a distant origin.
-    """
-
-    shared: np.ndarray
-    rotations: np.ndarray
-    positions: np.ndarray
-
-    def moved(self, shared, turns, shifts):
-        """After a step; `turns` (V, 3) are rotation vectors about the camera's axes, applied after the rotation."""
-        rotations = Rotation.from_rotvec(turns).as_matrix() @ self.rotations
-        return State(self.shared + shared, rotations, self.positions + shifts)
-
-    def poses(self, views):
-        """Poses of the objects' own origins."""
-        origins = self.positions - np.einsum("vij,vj->vi", self.rotations, views.centroids)
-        return [
-            RigidTransform.from_components(origin, Rotation.from_matrix(rotation))
-            for origin, rotation in zip(origins, self.rotations, strict=True)
-        ]
-
-
-def evaluate(model, views, state):
-    """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by the camera, a turn and a shift; None without an image."""
-    turned = views.points @ state.rotations.transpose(0, 2, 1)
-    points = (turned + state.positions[:, None]).reshape(-1, 3)
-    projection = model.project(state.shared, points)
-    if projection is None:
-        return None
-    image, by_shared, by_point = projection
-    x, y, z = turned.reshape(-1, 1, 3).transpose(2, 0, 1)
-    by_x, by_y, by_z = by_point.transpose(2, 0, 1)
-    by_turn = np.stack([y * by_z - z * by_y, z * by_x - x * by_z, x * by_y - y * by_x], axis=2)
-    jacobian = np.concatenate([by_shared, by_turn, by_point], axis=2)
-    return image.reshape(views.image.shape) - views.image, jacobian.reshape(*views.image.shape, -1)
 
 
 @dataclass(frozen=True)
@@ -247,53 +185,3 @@ def _robust_variance(model, views, state, sigma, loss):
     count, unknowns = 2 * len(distances), len(model.names) + 6 * len(views.used)
     correction = 1 + unknowns / count * derivative.var() / derivative.mean() ** 2
     return correction**2 * np.sum((weights * distances) ** 2) / (count - unknowns) / derivative.mean() ** 2
-
-
-def covariance_of(model, views, state, equations, variance):
-    """Covariance of all parameters as a labelled table, translations being those of the objects' own origins.
-
-    `equations` are without weights, `variance` is that of a coordinate, px^2.
-    """
-    values, directions, moved = equations.directions()
-    if not values[0] > LEAST_INFORMATION:
-        number = np.count_nonzero(~(values > LEAST_INFORMATION))
-        raise CalibrationError(_undetermined(model.names, directions[:number], moved))
-    by_shared = equations.eliminated()[1]
-    v, _, k = by_shared.shape
-    scale = np.sqrt(np.diagonal(equations.a))
-    shared = (directions.T / values @ directions) / np.outer(scale, scale)
-    to_origin = np.zeros((v, 6, 6))  # the origin's shift is the centroid's less the turn times the way between them
-    to_origin[:, range(6), range(6)] = 1
-    x, y, z = np.einsum("vij,vj->iv", state.rotations, views.centroids)
-    to_origin[:, 3, 1], to_origin[:, 4, 0], to_origin[:, 5, 0] = -z, z, -y
-    to_origin[:, 3, 2], to_origin[:, 4, 2], to_origin[:, 5, 1] = y, -x, x
-    by_shared = (to_origin @ by_shared).reshape(6 * v, k)
-    own = to_origin @ np.linalg.inv(equations.c) @ to_origin.transpose(0, 2, 1)
-    whole = np.empty((k + 6 * v, k + 6 * v))
-    whole[:k, :k] = shared
-    whole[k:, :k] = -by_shared @ shared
-    whole[:k, k:] = whole[k:, :k].T
-    whole[k:, k:] = by_shared @ shared @ by_shared.T
-    poses = whole[k:, k:].reshape(v, 6, v, 6)
-    poses[range(v), :, range(v), :] += own
-    names = model.names + pose_names(v)
-    import pandas as pd
-
-    return pd.DataFrame(variance * whole, names, names)
-
-
-def _undetermined(names, directions, poses):
-    """What can change without moving a point, in words; `poses` (V, 6, number) are the poses' changes along with it."""
-    found = [in_words(names, direction, poses[:, :, k]) for k, direction in enumerate(directions)]
-    return (
-        f"the views do not determine all of {', '.join(names)}: {'; '.join(found)}; what trades off can change "
-        "together without moving a point; add views of other tilts (about 30 deg)"
-    )
-
-
-def in_words(names, direction, poses):
-    """Names of the parameters that change along a direction, and T_z if the poses shift along it."""
-    free = [name for name, part in zip(names, direction, strict=True) if abs(part) > 0.1 * np.abs(direction).max()]
-    shifts = np.abs(poses[:, 3:]).max(axis=0)
-    along_axis = ["T_z"] if shifts[2] > 0.1 * shifts.max() and shifts.max() > 0 else []
-    return f"{' and '.join(free + along_axis)} trade off"

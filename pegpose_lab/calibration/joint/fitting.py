@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...checks import CalibrationError
-from .bundle import SMALLEST_RMS, Equations, State, Views, covariance_of, evaluate, minimise, minimise_robust
+from .bundle import SMALLEST_RMS, Equations, minimise, minimise_robust
+from .covariance import covariance_of
 from .starts import find_start
+from .views import State, Views, evaluate
 
 if TYPE_CHECKING:
     import pandas as pd

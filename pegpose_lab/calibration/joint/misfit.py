@@ -24,9 +24,10 @@ import numpy as np
 from scipy.special import fdtrc
 
 from ...checks import CalibrationError
-from .bundle import SMALLEST_RMS, Equations, evaluate
+from .bundle import SMALLEST_RMS, Equations
 from .fitting import fit_views
 from .models import COEFFICIENTS, OpenCVModel, TsaiModel, lens_model
+from .views import evaluate
 
 LEVEL = 0.01
 """Chance that some richer model, or some view, is flagged though all is as the model says."""
@@ -35,7 +36,7 @@ STANDS_OUT, SUSPECT = 9.0, 4.0
 """Variance of a view by that of the others from which it is flagged, and by the median view's from which it is tried."""
 
 LEAST_INFORMATION = 1e-9
-"""Of a candidate's parameters, as in `bundle.LEAST_INFORMATION`: with less it is not tried."""
+"""Of a candidate's parameters, as in `covariance.LEAST_INFORMATION`: with less it is not tried."""
 
 
 @dataclass(frozen=True)

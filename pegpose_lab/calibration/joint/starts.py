@@ -8,7 +8,7 @@ from ...camera import UNKNOWN_SIZE
 from ...checks import CalibrationError, outside
 from ..planes import is_planar, plane_rotation
 from ..two_stage.tsai import solve_coplanar, solve_noncoplanar
-from .bundle import State, Views, evaluate
+from .views import State, Views, evaluate
 
 DISORDER = 0.25
 """Residual of a plane's homography, in units of the points' spread per axis, above which their order is wrong: wrong

@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...checks import as_choice, as_count, as_number, as_points
+from ...checks import as_count, as_points
+from .operators import blend_crossover, first_generation, power_mutation, roulette
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -193,146 +194,6 @@ def _children(population, values, lower, upper, rng, settings):
         index=settings.mutation_index, rate=settings.mutation_rate, form=settings.mutation,
     )
     return np.clip(children, lower, upper)
-
-
-def first_generation(lower, upper, size, rng, *, initial=None, form="uniform"):
-    r"""Return the first generation (size, d), or (r, size, d) of r runs if `size` is (r, size).
-
-    ``"uniform"`` draws it from the box, with `initial`, if given, as its first member; ``"equal"`` is
-    Eq. 4: :math:`q^j_1 = q_{linear}` for all j.  Equal parents have equal children, so from there only
-    mutation moves.
-
-    Raises
-    ------
-    ValueError
-        If the form is unknown, or `initial` is missing, of another length or outside the box.
-    """
-    as_choice(form, "initialisation", ("uniform", "equal"))
-    shape = (*np.atleast_1d(size), np.shape(lower)[-1])
-    if initial is not None:
-        initial = as_points(np.reshape(initial, (-1, np.shape(initial)[-1])), shape[-1], "initial")[:, None]
-        if np.any(initial < lower) or np.any(initial > upper):
-            raise ValueError(f"initial is {initial}; expected it between the bounds {lower} and {upper}")
-        initial = initial if len(shape) == 3 else initial[0]
-    elif form == "equal":
-        raise ValueError('initial is None; expected the chromosome that initialisation="equal" (Eq. 4) repeats')
-    if form == "equal":
-        return np.broadcast_to(initial, shape).copy()
-    population = lower + (upper - lower) * rng.random(shape)
-    if initial is not None:
-        population[..., :1, :] = initial
-    return population
-
-
-def roulette(values, size, rng):
-    r"""Proportionate reproduction: draw `size` indices with probability proportional to fitness.
-
-    The paper does not print the fitness of an objective to be minimised.  Here it falls linearly from the
-    best to the worst of the population, which gets none: :math:`F_j = \max_i E_i - E_j`; if all are equal,
-    so are their chances.  This map does not change with the unit or the zero of E.
-
-    The draw is a uniform number on the cumulated chances, one number an index whatever the values are: what
-    is drawn afterwards does not depend on whether rounding makes two values equal.
-
-    Parameters
-    ----------
-    values : (..., n) array_like
-        Objective of each chromosome; leading axes are runs.
-    size : int
-    rng : Generator
-
-    Returns
-    -------
-    (..., size) ndarray of int
-    """
-    values = np.asarray(values, np.float64)
-    fitness = values.max(axis=-1, keepdims=True) - values
-    total = fitness.sum(axis=-1, keepdims=True)
-    chances = np.cumsum(np.where(total > 0, fitness, 1.0), axis=-1)
-    chances /= chances[..., -1:]
-    draws = rng.random((*values.shape[:-1], size))
-    return np.sum(chances[..., None, :] <= draws[..., None], axis=-1)
-
-
-def blend_crossover(parents, rng, *, alpha=0.75, form="corrected"):
-    r"""Blend crossover (BLX-alpha), Eq. 9: one child from each chromosome and the next one in the pool.
-
-    .. math::
-
-        o_1 = \min(q_j, q_{j+1}) - \alpha d, \quad o_2 = \max(q_j, q_{j+1}) + \alpha d, \quad
-        q' = o_1 + (o_2 - o_1)\, rand
-
-    gene by gene; the last chromosome is paired with the first.  ``"printed"`` has
-    :math:`d = q_j - q_{j+1}`, which narrows the interval instead of widening it whenever
-    :math:`q_j < q_{j+1}`; ``"corrected"`` has :math:`d = |q_j - q_{j+1}|`.
-
-    Parameters
-    ----------
-    parents : (..., n, d) ndarray
-        The mating pool; leading axes are runs.
-    rng : Generator
-    alpha : float
-        By how much of the parents' distance the interval is widened on each side.
-    form : {"corrected", "printed"}
-
-    Returns
-    -------
-    (..., n, d) ndarray
-        Children; they may lie outside the box.
-    """
-    as_choice(form, "crossover", ("corrected", "printed"))
-    alpha = as_number(alpha, "alpha", 0)
-    following = np.roll(parents, -1, axis=-2)
-    difference = parents - following
-    if form == "corrected":
-        difference = np.abs(difference)
-    low = np.minimum(parents, following) - alpha * difference
-    high = np.maximum(parents, following) + alpha * difference
-    return low + (high - low) * rng.random(parents.shape)
-
-
-def power_mutation(population, lower, upper, rng, *, index=10.0, rate=0.05, form="corrected"):
-    r"""Power mutation (Deep & Thakur 2007), Eq. 10, of each gene with probability `rate`.
-
-    .. math::
-
-        q' = \begin{cases} q - s (q - q_{min}) & u < r \\ q + s (q_{max} - q) & u \ge r \end{cases}
-        \qquad u = \frac{q - q_{min}}{q_{max} - q_{min}}
-
-    with r and s_r uniform between 0 and 1.  ``"corrected"`` is this with :math:`s = s_r^p`, mostly small steps
-    for p > 1 that never leave the box.  ``"printed"`` subtracts in both branches and takes
-    :math:`s = p\, s_r^{p-1}`, the density of the power distribution and not a sample of it: up to p times
-    the way to the bound, or out of the box on the other side.
-
-    Parameters
-    ----------
-    population : (..., n, d) ndarray
-        Chromosomes in the box; leading axes are runs.
-    lower, upper : (d,) or (..., 1, d) ndarray
-        Bounds of the genes.
-    rng : Generator
-    index : float
-        p > 0, the index of the distribution.
-    rate : float
-        Probability of a gene to mutate.
-    form : {"corrected", "printed"}
-
-    Returns
-    -------
-    (..., n, d) ndarray
-        A new population.
-    """
-    as_choice(form, "mutation", ("corrected", "printed"))
-    index, rate = as_number(index, "mutation_index", 0, exclusive=True), as_number(rate, "mutation_rate", 0, 1)
-    chosen, direction, sample = (rng.random(population.shape) for _ in range(3))
-    sample = 1 - sample  # in (0, 1]: zero has no power p - 1 < 0
-    position = (population - lower) / (upper - lower)
-    if form == "corrected":
-        step, towards_upper = sample**index, upper - population
-    else:
-        step, towards_upper = index * sample ** (index - 1), population - upper
-    move = np.where(position < direction, lower - population, towards_upper)
-    return np.where(chosen < rate, population + step * move, population)
 
 
 def _survivors(population, values, size):

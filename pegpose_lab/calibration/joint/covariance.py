@@ -1,0 +1,59 @@
+"""What least squares leaves uncertain: the covariance, and what is not determined at all."""
+
+import numpy as np
+
+from ...checks import CalibrationError
+from ..result import pose_names
+
+LEAST_INFORMATION = 1e-11
+"""Smallest eigenvalue of S, scaled by A's diagonal: the part of the information that unknown poses leave."""
+
+
+def covariance_of(model, views, state, equations, variance):
+    """Covariance of all parameters as a labelled table, translations being those of the objects' own origins.
+
+    `equations` are without weights, `variance` is that of a coordinate, px^2.
+    """
+    values, directions, moved = equations.directions()
+    if not values[0] > LEAST_INFORMATION:
+        number = np.count_nonzero(~(values > LEAST_INFORMATION))
+        raise CalibrationError(_undetermined(model.names, directions[:number], moved))
+    by_shared = equations.eliminated()[1]
+    v, _, k = by_shared.shape
+    scale = np.sqrt(np.diagonal(equations.a))
+    shared = (directions.T / values @ directions) / np.outer(scale, scale)
+    to_origin = np.zeros((v, 6, 6))  # the origin's shift is the centroid's less the turn times the way between them
+    to_origin[:, range(6), range(6)] = 1
+    x, y, z = np.einsum("vij,vj->iv", state.rotations, views.centroids)
+    to_origin[:, 3, 1], to_origin[:, 4, 0], to_origin[:, 5, 0] = -z, z, -y
+    to_origin[:, 3, 2], to_origin[:, 4, 2], to_origin[:, 5, 1] = y, -x, x
+    by_shared = (to_origin @ by_shared).reshape(6 * v, k)
+    own = to_origin @ np.linalg.inv(equations.c) @ to_origin.transpose(0, 2, 1)
+    whole = np.empty((k + 6 * v, k + 6 * v))
+    whole[:k, :k] = shared
+    whole[k:, :k] = -by_shared @ shared
+    whole[:k, k:] = whole[k:, :k].T
+    whole[k:, k:] = by_shared @ shared @ by_shared.T
+    poses = whole[k:, k:].reshape(v, 6, v, 6)
+    poses[range(v), :, range(v), :] += own
+    names = model.names + pose_names(v)
+    import pandas as pd
+
+    return pd.DataFrame(variance * whole, names, names)
+
+
+def _undetermined(names, directions, poses):
+    """What can change without moving a point, in words; `poses` (V, 6, number) are the poses' changes along with it."""
+    found = [in_words(names, direction, poses[:, :, k]) for k, direction in enumerate(directions)]
+    return (
+        f"the views do not determine all of {', '.join(names)}: {'; '.join(found)}; what trades off can change "
+        "together without moving a point; add views of other tilts (about 30 deg)"
+    )
+
+
+def in_words(names, direction, poses):
+    """Names of the parameters that change along a direction, and T_z if the poses shift along it."""
+    free = [name for name, part in zip(names, direction, strict=True) if abs(part) > 0.1 * np.abs(direction).max()]
+    shifts = np.abs(poses[:, 3:]).max(axis=0)
+    along_axis = ["T_z"] if shifts[2] > 0.1 * shifts.max() and shifts.max() > 0 else []
+    return f"{' and '.join(free + along_axis)} trade off"

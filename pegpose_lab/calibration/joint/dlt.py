@@ -1,0 +1,55 @@
+"""The direct linear transform of one view of a plane."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...camera import demand_tsai
+from ...checks import CalibrationError, as_views, undetermined_if_singular
+from ..planes import is_planar, relief
+from ..result import MINIMUM_POINTS, Calibration
+from .starts import demand_views, focal_length_of, homographies_of, plane_rotations, poses_of
+from .views import State, Views
+
+
+@undetermined_if_singular()
+def calibrate_dlt(object_points, image_points, camera):
+    """The direct linear transform of one view of a plane: homography, f by Zhang's two constraints, pose.
+
+    Parameters
+    ----------
+    object_points : (n, 3) array_like
+        mm, n >= 5, of one plane.
+    image_points : (n, 2) array_like
+        px.
+    camera : TsaiCamera
+        Gives pixel pitch, scale_x, principal point and image size.
+
+    Returns
+    -------
+    Calibration
+        With kappa1 = 0.
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable.
+    CalibrationError
+        If the view does not determine f, or no camera sees the plane so.
+    """
+    object_points, image_points = as_views([object_points], [image_points], MINIMUM_POINTS)
+    demand_tsai(camera)
+    if not is_planar(object_points[0]):
+        raise ValueError(
+            f"object_points leave the plane through them by {100 * relief(object_points[0]):.2g} % of their width; "
+            "expected a plane"
+        )
+    demand_views(object_points, image_points, camera.image_size)
+    views, planes = Views.stack(object_points, image_points), plane_rotations(object_points)
+    homographies = homographies_of(views, planes, camera)
+    focal_length = focal_length_of(homographies)
+    if focal_length is None:
+        raise CalibrationError("the homography belongs to no camera with this principal point; tilt the board more")
+    camera = replace(camera, focal_length=focal_length, kappa1=0.0)
+    pose = State(np.zeros(0), *poses_of(homographies, planes, focal_length)).poses(views)[0]
+    return Calibration(camera, [pose], [camera.project(object_points[0], pose) - image_points[0]])

@@ -1,0 +1,65 @@
+"""All views' points, the parameters that explain them, and the residuals with their derivatives."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+
+@dataclass(frozen=True)
+class Views:
+    """All views' points (V, m, 3) from their centroids (V, 3), their images (V, m, 2), and 1 where there is one."""
+
+    points: np.ndarray
+    centroids: np.ndarray
+    image: np.ndarray
+    used: np.ndarray
+
+    @classmethod
+    def stack(cls, object_points, image_points):
+        shape = len(object_points), max(len(points) for points in object_points)
+        points, image, used = np.zeros((*shape, 3)), np.zeros((*shape, 2)), np.zeros(shape)
+        centroids = np.array([points.mean(axis=0) for points in object_points])
+        for view, (p, q) in enumerate(zip(object_points, image_points, strict=True)):
+            points[view, : len(p)], image[view, : len(p)], used[view, : len(p)] = p - centroids[view], q, 1
+        return cls(points, centroids, image, used)
+
+
+@dataclass(frozen=True)
+class State:
+    """Parameters: the camera's, and each view's rotation (V, 3, 3) and position (V, 3) of the centroid.
+
+    The data determine the centroid's position far better than that of a distant origin.
+    """
+
+    shared: np.ndarray
+    rotations: np.ndarray
+    positions: np.ndarray
+
+    def moved(self, shared, turns, shifts):
+        """After a step; `turns` (V, 3) are rotation vectors about the camera's axes, applied after the rotation."""
+        rotations = Rotation.from_rotvec(turns).as_matrix() @ self.rotations
+        return State(self.shared + shared, rotations, self.positions + shifts)
+
+    def poses(self, views):
+        """Poses of the objects' own origins."""
+        origins = self.positions - np.einsum("vij,vj->vi", self.rotations, views.centroids)
+        return [
+            RigidTransform.from_components(origin, Rotation.from_matrix(rotation))
+            for origin, rotation in zip(origins, self.rotations, strict=True)
+        ]
+
+
+def evaluate(model, views, state):
+    """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by the camera, a turn and a shift; None without an image."""
+    turned = views.points @ state.rotations.transpose(0, 2, 1)
+    points = (turned + state.positions[:, None]).reshape(-1, 3)
+    projection = model.project(state.shared, points)
+    if projection is None:
+        return None
+    image, by_shared, by_point = projection
+    x, y, z = turned.reshape(-1, 1, 3).transpose(2, 0, 1)
+    by_x, by_y, by_z = by_point.transpose(2, 0, 1)
+    by_turn = np.stack([y * by_z - z * by_y, z * by_x - x * by_z, x * by_y - y * by_x], axis=2)
+    jacobian = np.concatenate([by_shared, by_turn, by_point], axis=2)
+    return image.reshape(views.image.shape) - views.image, jacobian.reshape(*views.image.shape, -1)

@@ -1,0 +1,99 @@
+"""The best that stage 2 can find: the optimum in the box of Eq. 5, by scanning and narrowing."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform
+
+from ...checks import CalibrationError, as_number, undetermined_if_singular
+from ..result import Calibration
+from .flags import _allowed_f, _edge_flags
+from .genes import BOX, _Genes
+from .objective import PENALTY, TwoStageObjective
+from .stages import calibrate_tsai
+
+SCANNED, SCANNED_F = 401, 41
+"""Values of T_z across the box that `optimum_in_box` starts from, and of f for each of them."""
+
+STARTS = 3
+NARROWED = 9
+"""Points of each later, narrower scan: it is a quarter as wide as the one before."""
+
+COARSE, FINE = 8, 25
+"""Narrower scans that find the valleys, to 1e-6 of the box, and that end at the last digits."""
+
+
+@undetermined_if_singular()
+def optimum_in_box(object_points, image_points, camera, *, box=BOX):
+    r"""The best that stage 2 can find: the smallest Eq. 7 in the box of Eq. 5, without chance.  Judge the GA by it.
+
+    The search has two unknowns, so it can be done in one: over T_z, of
+
+    .. math:: g(T_z) = \min_{f_{low} \le f \le f_{high}} E(f, T_z),
+
+    a valley's floor, however oblique and narrow the valley, and the edge of the box where the valley leaves it.  For a
+    given T_z the undistorted problem is linear in f and kappa1, and E has one minimum, between the neighbours of the
+    best of `SCANNED_F` values; ever narrower scans find it.  g is scanned at `SCANNED` values of T_z and its `STARTS`
+    deepest valleys are narrowed alike, to the last digits.
+
+    Parameters
+    ----------
+    object_points, image_points, camera, box
+        As for `calibrate_genetic`.
+
+    Returns
+    -------
+    Calibration
+        With flags if the optimum sits on the edge of its box.
+
+    Raises
+    ------
+    ValueError, CalibrationError
+        As `calibrate_genetic`.
+    """
+    box = as_number(box, "box", 0, 1, exclusive=True)
+    linear = calibrate_tsai(object_points, image_points, camera)
+    objective = TwoStageObjective(object_points, image_points, linear)
+    coding = _Genes("printed", linear, objective.c2, box)
+    f_range = coding.lower[0], coding.upper[0]
+    t_z = np.linspace(coding.lower[1], coding.upper[1], SCANNED)
+    values = _valley_floor(objective, t_z, f_range, COARSE)[1]
+    if values.min() >= PENALTY:
+        raise CalibrationError("no chromosome in the box sees all points; check the points and stage 1")
+    padded = np.pad(values, 1, constant_values=np.inf)
+    valleys = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]))
+    starts = valleys[np.argsort(values[valleys])][:STARTS]
+    low, high = t_z[np.maximum(starts - 1, 0)], t_z[np.minimum(starts + 1, SCANNED - 1)]
+    found, values = _narrow(lambda t: _valley_floor(objective, t, f_range, FINE)[1], low, high, NARROWED, FINE)
+    t_z = found[values.argmin()]
+    best = np.array([_valley_floor(objective, t_z, f_range, FINE)[0], t_z])
+    kappa1, stage_1 = objective.kappa1(best[None]).item(), linear.cam_from_object[0]
+    return Calibration(
+        replace(linear.camera, focal_length=best[0], kappa1=kappa1),
+        [RigidTransform.from_components([*stage_1.translation[:2], best[1]], stage_1.rotation)],
+        [objective.residuals(best[None])[0]],
+        linear.flags + _edge_flags(coding, best, partial(_allowed_f, object_points, image_points, camera)),
+    )
+
+
+def _valley_floor(objective, t_z, f_range, scans):
+    """The f within its range, ends included, with the smallest Eq. 7 for each T_z (any shape), and that value, px."""
+    shape, t_z = np.shape(t_z), np.ravel(t_z)
+
+    def at(f):
+        chromosomes = np.stack([f, np.broadcast_to(t_z[:, None], f.shape)], axis=-1)
+        return objective(chromosomes.reshape(-1, 2)).reshape(f.shape)
+
+    f, values = _narrow(at, *(np.full(len(t_z), end) for end in f_range), SCANNED_F, scans)
+    return f.reshape(shape), values.reshape(shape)
+
+
+def _narrow(function, low, high, points, scans):
+    """Where a function of (n, k) is smallest between low (n,) and high (n,), both included, and its value there."""
+    for count in (points, *[NARROWED] * scans):
+        places = np.linspace(low, high, count, axis=1)
+        values = function(places)
+        best = values.argmin(axis=1)[:, None]
+        low, high = (np.take_along_axis(places, np.clip(best + k, 0, count - 1), 1)[:, 0] for k in (-1, 1))
+    return np.take_along_axis(places, best, 1)[:, 0], np.take_along_axis(values, best, 1)[:, 0]
