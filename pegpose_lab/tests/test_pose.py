@@ -12,7 +12,6 @@ from pegpose_lab import paper
 from pegpose_lab.checks import CalibrationError
 from pegpose_lab.experiment import paper_experiment
 from pegpose_lab.pose import (
-    back_project_discs,
     estimate_pose,
     hub_from_end_effector,
     line_angle,
@@ -22,6 +21,7 @@ from pegpose_lab.pose import (
     robot_from_end_effector,
     scale_coordinates,
 )
+from pegpose_lab.pose.hub import back_project_discs
 from pegpose_lab.render import true_disc
 from pegpose_lab.targets import Hub
 

@@ -1,10 +1,4 @@
-"""Pose of the hub from its pegs (Sect. 3.2), and the chain from the camera to the robot (Sect. 2, Eqs. 1 and 2).
-
-The image of a disc's centre is not the centre of the disc's image (Heikkila 2000): a disc nearer on one side
-appears larger there, and lens distortion adds to it.  Everything here therefore works with the images of whole
-discs: `project_discs` says where the centre of area and the mean radius of a disc's image lie, and
-`back_project_discs` inverts that on a known plane.
-"""
+"""Pose of the hub from its pegs (Sect. 3.2): in a known plane, or with all six degrees of freedom."""
 
 from dataclasses import dataclass
 
@@ -12,7 +6,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .checks import CalibrationError, as_number, as_points, as_pose
+from ..checks import CalibrationError, as_number, as_points, as_pose
 
 _RIM_POINTS = 32  # sums over a smooth closed curve converge exponentially: this many reach rounding errors
 _POLISH_ROUNDS = 5

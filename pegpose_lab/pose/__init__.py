@@ -1,0 +1,29 @@
+"""Pose of the hub from its pegs (Sect. 3.2), and the chain from the camera to the robot (Sect. 2, Eqs. 1 and 2).
+
+`discs` has discs in perspective, `hub` the pose, `chain` the paper's own formulas.  Another way to a pose
+is one file here.
+"""
+
+from .hub import (
+    HubPose,
+    estimate_pose,
+    hub_from_end_effector,
+    line_angle,
+    line_angle_printed,
+    misalignment,
+    project_discs,
+    robot_from_end_effector,
+    scale_coordinates,
+)
+
+__all__ = [
+    "HubPose",
+    "estimate_pose",
+    "hub_from_end_effector",
+    "line_angle",
+    "line_angle_printed",
+    "misalignment",
+    "project_discs",
+    "robot_from_end_effector",
+    "scale_coordinates",
+]
