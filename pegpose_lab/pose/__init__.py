@@ -4,17 +4,16 @@
 is one file here.
 """
 
-from .hub import (
-    HubPose,
-    estimate_pose,
+from .chain import (
     hub_from_end_effector,
     line_angle,
     line_angle_printed,
     misalignment,
-    project_discs,
     robot_from_end_effector,
     scale_coordinates,
 )
+from .discs import project_discs
+from .hub import HubPose, estimate_pose
 
 __all__ = [
     "HubPose",

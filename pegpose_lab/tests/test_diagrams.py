@@ -11,7 +11,7 @@ from matplotlib.patches import FancyArrowPatch
 from numpy.testing import assert_allclose
 
 from pegpose_lab import diagrams, plotting
-from pegpose_lab.pose import hub
+from pegpose_lab.pose import chain
 from pegpose_lab.targets import Hub
 
 
@@ -139,10 +139,10 @@ def test_assembly_arrows_connect_the_frames_of_equations_1_and_2(axes):
 
 
 def test_assembly_uses_the_names_of_the_pose_module():
-    arguments = hub.robot_from_end_effector.__code__.co_varnames[:3]
+    arguments = chain.robot_from_end_effector.__code__.co_varnames[:3]
     assert [diagrams.TRANSFORMS[key] for key in (("R", "C"), ("C", "P"), ("P", "E"))] == list(arguments)
     assert diagrams.TRANSFORMS["R", "E"] == "robot_from_end_effector"
-    assert diagrams.TRANSFORMS["C", "E"] in hub.hub_from_end_effector.__code__.co_varnames
+    assert diagrams.TRANSFORMS["C", "E"] in chain.hub_from_end_effector.__code__.co_varnames
 
 
 def test_overview_names_modules_that_exist(axes):

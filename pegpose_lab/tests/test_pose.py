@@ -21,7 +21,7 @@ from pegpose_lab.pose import (
     robot_from_end_effector,
     scale_coordinates,
 )
-from pegpose_lab.pose.hub import back_project_discs
+from pegpose_lab.pose.discs import back_project_discs
 from pegpose_lab.render import true_disc
 from pegpose_lab.targets import Hub
 
