@@ -12,8 +12,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from . import environment, exploring
-from .environment import CHECKOUT
+from .lab import environment
+from .lab.environment import CHECKOUT
+from .lab.notebooks import exploring
 
 OLDEST_PYTHON = (3, 11)
 CELL_TIMEOUT = 600  # s; a notebook's slowest cell takes a small part of it
@@ -53,7 +54,7 @@ def _results():
 
 def _reproduce(options):
     """Run the notebooks, move what they wrote into place, and compare it with the paper."""
-    from . import running
+    from .lab.notebooks import running
 
     _check_writable(options.output)
     notebooks = _choose(options.notebooks)
@@ -88,7 +89,8 @@ def _choose(patterns):
 
 def _report(options):
     """Compare the results with the paper, in claims.csv, in the two READMEs and on the screen."""
-    from . import claims, front_page
+    from . import claims
+    from .lab import front_page
 
     table = claims.write_claims(options.output / "data" / "results")
     if options.output == CHECKOUT:
@@ -102,7 +104,7 @@ def _test(options):
     """Run the unit tests, and every notebook against its stored outputs; here, or on emulated machines."""
     import pytest
 
-    from . import running
+    from .lab.notebooks import running
 
     os.chdir(CHECKOUT)
     if options.processors is not None:
@@ -118,7 +120,7 @@ def _test(options):
 
 def _notebook_testing():
     """pytest's arguments for running and comparing notebooks."""
-    from . import running
+    from .lab.notebooks import running
 
     return [
         *("-n", str(running.WORKERS), "--dist", "loadscope"),
@@ -129,7 +131,7 @@ def _notebook_testing():
 
 def _test_processors(names, extra):
     """Run the notebooks and the tests of digits on emulated machines; print a table."""
-    from . import processors
+    from .lab.notebooks import processors
 
     machines = processors.emulated_machines()
     if names:
@@ -155,7 +157,8 @@ def _bench(options):
     if not options.quick:
         _check_writable(options.output)
     environment.add_bench_packages()
-    from . import bench, front_page, results
+    from . import bench
+    from .lab import front_page, results
 
     readme = _results() / "README.md" if options.output == CHECKOUT and not options.quick else None
     if readme:

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from . import peers, results
+from . import peers
 from .bench_calibration import measure_genetic, measure_joint, measure_rivals
 from .bench_circles import (
     BLUR,
@@ -28,6 +28,7 @@ from .bench_circles import (
     measure_sizes,
     summarize,
 )
+from .lab import results
 
 WORKERS = 2
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from .camera import TsaiCamera
 from .checks import as_number
-from .plotting import COLORS, SERIES
+from .lab.plotting import COLORS, SERIES
 from .targets import Hub
 
 AXIS_COLORS = (SERIES[1], SERIES[2], SERIES[0])  # x, y, z of every frame: red, green, blue
@@ -291,6 +291,7 @@ def _ring(center, axis, radius, count=60):
 
 # ---- Fig. 1; lengths in cm, z up, the robot's base in the origin ----
 
+
 _HUB_CENTER = np.array([104.0, 0.0, 26.0])
 _SHAFT_END = np.array([104.0, 0.0, 4.0])
 _WHEEL_CENTER = np.array([58.0, 0.0, 56.0])
@@ -395,6 +396,7 @@ def _draw_step(ax, corner, size, step, color):
 
 
 # ---- Fig. 4; lengths in mm, in the camera frame ----
+
 
 _HALO = {"boxstyle": "round,pad=0.05", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
 _PLANE = np.array([80.0, 60.0])  # half width and height of the image plane

@@ -21,9 +21,9 @@ from importlib import metadata
 import cv2
 import numpy as np
 
-from . import environment
 from .circles import find_circles
 from .discs import fit_discs
+from .lab import environment
 
 
 @dataclass(frozen=True)

@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from pegpose_lab import running
 from pegpose_lab.__main__ import FIXED_VARIABLES
-from pegpose_lab.environment import CHECKOUT
+from pegpose_lab.lab.environment import CHECKOUT
+from pegpose_lab.lab.notebooks import running
 
 # No deadlines: a busy machine is no bug. On CI the same examples every time.
 settings.register_profile("pegpose_lab", deadline=None, derandomize=bool(os.environ.get("CI")))
 settings.load_profile("pegpose_lab")
 
 # Modules of tests that compare computed digits with stored ones, or with an exact truth: they are run on every emulated
-# processor (`pegpose_lab.processors`).
+# processor (`pegpose_lab.lab.notebooks.processors`).
 DIGITS = {
     "test_calibration", "test_company", "test_genetic", "test_joint", "test_measured", "test_monte_carlo", "test_pose",
     "test_tsai",

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pegpose_lab import figure_digest, plotting
-from pegpose_lab.agreement import IMAGE_TOLERANCE, files_agree, texts_agree
-from pegpose_lab.notebook_tests import PrintedText
+from pegpose_lab.lab import figure_digest, plotting
+from pegpose_lab.lab.notebooks.agreement import IMAGE_TOLERANCE, files_agree, texts_agree
+from pegpose_lab.lab.notebooks.testing import PrintedText
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab import bench, bench_circles, environment, peers
+from pegpose_lab import bench, bench_circles, peers
+from pegpose_lab.lab import environment, installers
 
 # ---- report ----
 
@@ -182,7 +183,7 @@ def test_peers_are_installed_once(installs, monkeypatch):
 
 def test_bench_goes_on_without_what_cannot_be_installed(installs, monkeypatch, capsys):
     def fail(*_):
-        raise environment.SetUpError("Installing it failed")
+        raise installers.SetUpError("Installing it failed")
 
     monkeypatch.setattr(environment, "_pip_install", fail)
     environment.add_bench_packages()

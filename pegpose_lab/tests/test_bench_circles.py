@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from pegpose_lab import bench_circles, environment, fit_discs, peers, plotting
+from pegpose_lab import bench_circles, fit_discs, peers
+from pegpose_lab.lab import environment, plotting
 from pegpose_lab.render import TrueDisc, raycast
 from pegpose_lab.tests.discs import center_bound, draw_ellipses, to_uint8
 

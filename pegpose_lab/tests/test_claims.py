@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from pegpose_lab import claims, experiment, paper, results
+from pegpose_lab import claims, experiment, paper
+from pegpose_lab.lab import results
 
 PROJECT = Path(claims.__file__).resolve().parents[1]
 COMMITTED = PROJECT / "data" / "results"

@@ -18,7 +18,8 @@ from nbformat.v4 import new_code_cell, new_notebook, new_output
 from packaging.requirements import Requirement
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab import environment, front_page, plotting, progress, running
+from pegpose_lab.lab import environment, front_page, installers, plotting, progress
+from pegpose_lab.lab.notebooks import running
 
 CHECKOUT = environment.CHECKOUT
 
@@ -88,13 +89,13 @@ def test_changed_lock_is_installed_into_the_same_environment(steps):
     ("error", "told"),
     [
         (KeyboardInterrupt(), ""),
-        (environment.SetUpError("no network"), "no network"),
+        (installers.SetUpError("no network"), "no network"),
         (OSError(28, "No space left on device"), "cannot: No space left on device"),
     ],
 )
 def test_set_up_that_fails_leaves_nothing(steps, broken_install, error, told):
     broken_install(error)
-    with pytest.raises((KeyboardInterrupt, environment.SetUpError)) as ended:
+    with pytest.raises((KeyboardInterrupt, installers.SetUpError)) as ended:
         environment.set_up()
     assert told in str(ended.value)
     assert not environment.VENV.exists()
@@ -114,8 +115,8 @@ def test_set_up_that_was_killed_is_not_taken_for_complete(steps, broken_install,
 def test_failed_update_keeps_the_environment_but_is_tried_again(steps, broken_install):
     environment.set_up()
     environment.LOCK.write_text("numpy==2.4.7\n")
-    broken_install(environment.SetUpError("no network"))
-    with pytest.raises(environment.SetUpError):
+    broken_install(installers.SetUpError("no network"))
+    with pytest.raises(installers.SetUpError):
         environment.set_up()
     assert environment._is_whole()
     assert environment.set_up()
@@ -152,7 +153,7 @@ def test_unusable_environment_is_made_anew(steps, spoil):
 
 def test_environment_of_unknown_origin_is_not_touched_if_unusable(steps):
     (environment.VENV / "precious").mkdir(parents=True)
-    with pytest.raises(environment.SetUpError, match="not made by this command"):
+    with pytest.raises(installers.SetUpError, match="not made by this command"):
         environment.set_up()
     assert [path.name for path in environment.VENV.iterdir()] == ["precious"]
 
@@ -167,7 +168,7 @@ def test_environment_of_unknown_origin_is_adopted_if_it_fits(steps, monkeypatch)
 
 def test_missing_lock_is_named(steps):
     environment.LOCK.unlink()
-    with pytest.raises(environment.SetUpError, match=r"environment\.txt is missing"):
+    with pytest.raises(installers.SetUpError, match=r"environment\.txt is missing"):
         environment.set_up()
 
 
@@ -177,7 +178,7 @@ def test_python_without_venv_is_told_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setattr(
         environment.importlib.util, "find_spec", lambda name: None if name == "ensurepip" else object()
     )
-    with pytest.raises(environment.SetUpError, match=r"sudo apt install python3\.\d+-venv"):
+    with pytest.raises(installers.SetUpError, match=r"sudo apt install python3\.\d+-venv"):
         environment._make_venv()
 
 
@@ -210,7 +211,7 @@ def test_pip_installs_where_uv_fails(monkeypatch, works, tools):
     if works:
         environment._install()
     else:
-        with pytest.raises(environment.SetUpError, match="failed"):
+        with pytest.raises(installers.SetUpError, match="failed"):
             environment._install()
     assert calls == tools
 
@@ -239,7 +240,10 @@ def test_commands_start_on_a_bare_python():
     assert ast.literal_eval(ran.stdout) <= {"pegpose_lab", "__main__"}
 
 
-@pytest.mark.parametrize("module", ["__init__", "__main__", "environment", "exploring", "progress"])
+@pytest.mark.parametrize("module", [
+        "__init__", "__main__", "lab/__init__", "lab/environment", "lab/installers", "lab/progress", "lab/notebooks/__init__",
+        "lab/notebooks/exploring",
+    ])
 def test_an_old_python_can_read_up_to_the_message(module):
     source = (CHECKOUT / "pegpose_lab" / f"{module}.py").read_text(encoding="utf-8")
     ast.parse(source, feature_version=(3, 7))
@@ -491,7 +495,7 @@ def _start(checkout, arguments, **variables):
     """
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "import sys; from pathlib import Path; from pegpose_lab import __main__ as commands, environment\n"
+        "import sys; from pathlib import Path; from pegpose_lab import __main__ as commands; from pegpose_lab.lab import environment\n"
         "environment.set_up, environment.VENV = bool, Path(sys.prefix)\n"
         f"commands.CHECKOUT = Path({str(checkout)!r})\n"
         f"sys.exit(commands.main({arguments!r}))"
@@ -534,7 +538,7 @@ def test_test_command_catches_a_changed_output_and_writes_nothing(tmp_path):
         cell.update(execution_count=count, outputs=[new_output("stream", name="stdout", text=f"{printed}\n")])
     (tmp_path / "notebooks").mkdir()
     nbformat.write(new_notebook(cells=[right, last_digit, wrong]), tmp_path / "notebooks" / "01_wrong.ipynb")
-    testing = "testpaths = ['notebooks']\naddopts = ['-p', 'pegpose_lab.notebook_tests']"
+    testing = "testpaths = ['notebooks']\naddopts = ['-p', 'pegpose_lab.lab.notebooks.testing']"
     (tmp_path / "pyproject.toml").write_text(f"[tool.pytest.ini_options]\n{testing}\n")
     sanitizer = Path("pegpose_lab", "tests", "nbval_sanitize.cfg")
     (tmp_path / sanitizer).parent.mkdir(parents=True)

@@ -10,7 +10,8 @@ import pytest
 from matplotlib.patches import FancyArrowPatch
 from numpy.testing import assert_allclose
 
-from pegpose_lab import diagrams, plotting
+from pegpose_lab import diagrams
+from pegpose_lab.lab import plotting
 from pegpose_lab.pose import chain
 from pegpose_lab.targets import Hub
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pegpose_lab import environment
+from pegpose_lab.lab import environment, installers
 
 NAMES = ["Prüfstand", "ends in a space ", "日本", "a#b;c", "import os"]
 
@@ -53,11 +53,11 @@ def test_the_stamp_is_the_same_in_every_locale(checkout, tmp_path):
     """Else every change of locale would make the environment anew."""
     folder = checkout("Prüfstand")
     code = (
-        "import json, sys; from pathlib import Path; from pegpose_lab import environment\n"
+        "import json, sys; from pathlib import Path; from pegpose_lab.lab import environment\n"
         "import os; environment.CHECKOUT = Path(os.fsdecode(bytes.fromhex(sys.argv[1])))\n"
         "environment.LOCK = environment.CHECKOUT / 'environment.txt'; print(json.dumps(environment._wanted_stamp()))"
     )
-    project = Path(environment.__file__).parents[1]
+    project = Path(environment.__file__).parents[2]
     stamps = {
         subprocess.check_output(
             [sys.executable, "-c", code, os.fsencode(folder).hex()], cwd=project,
@@ -71,7 +71,7 @@ def test_the_stamp_is_the_same_in_every_locale(checkout, tmp_path):
 def test_a_file_in_the_way_is_told_in_one_sentence(checkout):
     folder = checkout("lab")
     (folder / ".venv").write_text("precious")
-    with pytest.raises(environment.SetUpError, match=r"\.venv is a file where set-up makes a folder") as told:
+    with pytest.raises(installers.SetUpError, match=r"\.venv is a file where set-up makes a folder") as told:
         environment.set_up()
     assert "\n" not in str(told.value)
     assert (folder / ".venv").read_text() == "precious"
@@ -87,7 +87,7 @@ def test_a_place_that_cannot_be_written_is_told_in_one_sentence(checkout, monkey
         raise OSError(code, os.strerror(code), str(path))
 
     monkeypatch.setattr(os, call, refuse)
-    with pytest.raises(environment.SetUpError, match=os.strerror(code)) as told:
+    with pytest.raises(installers.SetUpError, match=os.strerror(code)) as told:
         environment.set_up()
     assert str(folder / ".venv") in str(told.value) and "\n" not in str(told.value)
 
@@ -97,7 +97,7 @@ def test_a_read_only_folder_is_told_in_one_sentence(checkout):
     folder = checkout("lab")
     folder.chmod(0o555)
     try:
-        with pytest.raises(environment.SetUpError, match="cannot: Permission denied"):
+        with pytest.raises(installers.SetUpError, match="cannot: Permission denied"):
             environment.set_up()
     finally:
         folder.chmod(0o755)

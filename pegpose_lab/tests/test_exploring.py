@@ -13,7 +13,8 @@ from jupyterlab.labapp import LabApp
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab import environment, exploring, running
+from pegpose_lab.lab import environment
+from pegpose_lab.lab.notebooks import exploring, running
 
 VIEW = "application/vnd.jupyter.widget-view+json"
 
@@ -224,7 +225,7 @@ def _run_notebook():
 @pytest.mark.parametrize("path", ["notebooks/01_a.ipynb", "notebooks/my own.ipynb"])
 def test_saved_notebooks_hold_no_models_of_widgets(tmp_path, path):
     """Saved by the contents manager of Jupyter's server itself, with the hook by its name."""
-    manager = AsyncLargeFileManager(root_dir=str(tmp_path), pre_save_hook="pegpose_lab.running.clean_before_save")
+    manager = AsyncLargeFileManager(root_dir=str(tmp_path), pre_save_hook="pegpose_lab.lab.notebooks.running.clean_before_save")
     manager.notary.db_file = ":memory:"  # of signatures; the user's own is none of a test's business
     (tmp_path / "notebooks").mkdir()
     content = json.loads(nbformat.writes(_run_notebook()))

@@ -6,10 +6,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
-from pegpose_lab import figure_digest as module
-from pegpose_lab import plotting
-from pegpose_lab.agreement import texts_agree
-from pegpose_lab.figure_digest import figure_digest
+from pegpose_lab.lab import figure_digest as module
+from pegpose_lab.lab import plotting
+from pegpose_lab.lab.figure_digest import figure_digest
+from pegpose_lab.lab.notebooks.agreement import texts_agree
 
 
 def test_docstring():

@@ -12,8 +12,8 @@ import nbformat
 import pytest
 from IPython.core.inputtransformer2 import TransformerManager
 
-from pegpose_lab.environment import CHECKOUT
-from pegpose_lab.running import to_text
+from pegpose_lab.lab.environment import CHECKOUT
+from pegpose_lab.lab.notebooks.running import to_text
 
 NOTEBOOKS = sorted((CHECKOUT / "notebooks").glob("*.ipynb"))
 PRINTING = {"print", "display", "show_figure"}

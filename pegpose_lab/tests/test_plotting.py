@@ -13,7 +13,7 @@ from matplotlib.patches import Circle, Ellipse
 from numpy.testing import assert_allclose
 from PIL import Image
 
-from pegpose_lab import plotting
+from pegpose_lab.lab import plotting
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import nbformat
 import pytest
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
-from pegpose_lab import processors
-from pegpose_lab.environment import CHECKOUT
-from pegpose_lab.processors import Machine, Outcome
+from pegpose_lab.lab.environment import CHECKOUT
+from pegpose_lab.lab.notebooks import processors
+from pegpose_lab.lab.notebooks.processors import Machine, Outcome
 
 
 def _ask(machine, code):
@@ -77,7 +77,7 @@ def checkout(tmp_path):
     for name, text in {
         "data/results/a.csv": "1.25\n",
         "pyproject.toml": '[tool.pytest.ini_options]\ntestpaths = ["notebooks"]\n'
-        'addopts = ["-p", "pegpose_lab.notebook_tests"]\n',
+        'addopts = ["-p", "pegpose_lab.lab.notebooks.testing"]\n',
         "notebooks/01_one.ipynb": nbformat.writes(new_notebook(cells=[cell])),
     }.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)

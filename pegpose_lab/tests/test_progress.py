@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from pegpose_lab import progress
+from pegpose_lab.lab import progress
 
 PIP = """Ignoring colorama: markers 'sys_platform == "win32"' don't match your environment
 Collecting anyio==4.16.0 (from -r environment.txt (line 3))

@@ -7,7 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pegpose_lab import files, results
+from pegpose_lab import files
+from pegpose_lab.lab import results
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 Another processor adds in another order, so the last digit that is printed may be rounded the other way.  Numbers
 of which one text prints a decimal point or an exponent are therefore compared as numbers; whole numbers are counts, and
-have to be equal like all other text.  The notebooks' tests (`notebook_tests`) and ``reproduce`` (`running`) both ask here.
+have to be equal like all other text.  The notebooks' tests (`testing`) and ``reproduce`` (`running`) both ask here.
 """
 
 import re

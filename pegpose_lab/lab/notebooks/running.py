@@ -27,9 +27,9 @@ from nbclient import NotebookClient
 from nbclient.exceptions import CellExecutionError, CellTimeoutError, DeadKernelError
 from tqdm import tqdm
 
+from ...files import replacing
 from .agreement import files_agree
 from .exploring import WRITTEN
-from .files import replacing
 
 WORKERS = 2
 READS = {"07": "06"}  # numbers of notebooks that read the results of another, and of that

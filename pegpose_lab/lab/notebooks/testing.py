@@ -1,6 +1,6 @@
 """nbval with numbers: a pytest plugin that compares the outputs of notebooks as `agreement.texts_agree` does.
 
-pyproject.toml loads it (``-p pegpose_lab.notebook_tests``), so that plain ``pytest --nbval`` compares like the
+pyproject.toml loads it (``-p pegpose_lab.lab.notebooks.testing``), so that plain ``pytest --nbval`` compares like the
 command ``test``.  Nothing else of nbval changes: every output has to be there, in its order, of its kind.
 """
 

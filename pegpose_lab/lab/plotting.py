@@ -12,8 +12,8 @@ from IPython.display import display
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Ellipse
 
+from ..files import output_folder, replacing
 from .figure_digest import figure_digest
-from .files import output_folder, replacing
 
 COLORS = {
     "paper": "#000000",

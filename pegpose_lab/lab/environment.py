@@ -17,8 +17,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from . import progress
+from .installers import SetUpError, _has_package, _run_first, _venv_commands
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+CHECKOUT = Path(__file__).resolve().parents[2]
 LOCK = CHECKOUT / "environment.txt"
 VENV = CHECKOUT / ".venv"
 STAMP_NAME = "pegpose_lab.json"
@@ -26,10 +27,6 @@ STAMP_NAME = "pegpose_lab.json"
 # Measured on Linux with two cores and a mirror nearby, so the times are those of the installers; a network adds its own.
 FETCHED_MB, INSTALLED_MB = 200, 800
 SECONDS = {"uv": 5, "pip": 90}
-
-
-class SetUpError(SystemExit):
-    """There is no environment to be had; the message says why and what to do."""
 
 
 def set_up():
@@ -206,19 +203,6 @@ def _make_venv():
     _run_first(commands, f"Making {VENV}")
 
 
-def _venv_commands(base, folder, has_venv):
-    """What makes an environment of the Python `base`: uv, the module venv, virtualenv, as far as they are there."""
-    uv, virtualenv = shutil.which("uv"), shutil.which("virtualenv")
-    commands = []
-    if uv:
-        commands.append([uv, "venv", "--quiet", "--seed", "--allow-existing", "--python", base, folder])
-    if has_venv:
-        commands.append([base, "-m", "venv", folder])
-    if virtualenv:
-        commands.append([virtualenv, "--quiet", "--python", base, folder])
-    return commands
-
-
 def _install():
     """Install the lock, and show how far that is."""
 
@@ -284,14 +268,6 @@ def _bench_group():
         return tomllib.load(file)["project"]["optional-dependencies"]["bench"]
 
 
-def _has_package(requirement):
-    """Whether this very Python has the package that a requirement names, in any version."""
-    try:
-        return bool(importlib.metadata.version(re.match(r"[\w.-]+", requirement).group()))
-    except importlib.metadata.PackageNotFoundError:
-        return False
-
-
 def _try_to_install(arguments):
     """Install into `.venv`; say so where that fails."""
     names = " ".join(str(argument) for argument in arguments)
@@ -300,12 +276,6 @@ def _try_to_install(arguments):
         _pip_install(arguments, names)
     except SetUpError as error:
         print(f"{error}\nThe benchmark goes on without it.", file=sys.stderr, flush=True)
-
-
-def _run_first(commands, task, run=None):
-    """Run commands until one succeeds; `run` runs one and returns its exit code (default: `subprocess.call`)."""
-    if all((run or subprocess.call)(command) for command in commands):
-        raise SetUpError(f"{task} failed; the lines above say why. Once that is mended, run the command again.")
 
 
 def _site_packages():

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from .checks import as_number
-from .files import output_folder, replacing
+from ..checks import as_number
+from ..files import output_folder, replacing
 
 _LATEX = {character: "\\" + character for character in "&%_#${}"} | {
     "\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"

@@ -13,7 +13,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-from .environment import CHECKOUT
+from ..environment import CHECKOUT
 
 SETTINGS = Path(__file__).with_name("lab_settings")
 """JupyterLab's settings where a user has none of their own: no autosave, no pop-up that asks for news."""
@@ -53,7 +53,7 @@ def jupyterlab_arguments(options, checkout=CHECKOUT):
         f"--ServerApp.root_dir={checkout}",
         "--LabApp.default_url=/lab/tree/notebooks",
         f"--LabApp.app_settings_dir={SETTINGS}",
-        "--ContentsManager.pre_save_hook=pegpose_lab.running.clean_before_save",
+        "--ContentsManager.pre_save_hook=pegpose_lab.lab.notebooks.running.clean_before_save",
     ]
     given = {"no-browser": options.no_browser, "allow-root": options.allow_root}
     arguments += [f"--{name}" for name, wanted in given.items() if wanted]

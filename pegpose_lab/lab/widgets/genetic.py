@@ -1,10 +1,4 @@
-"""Sliders for JupyterLab: change a setting of a step and see at once what it does.
-
-Each ``*_explorer`` returns an `Explorer`: sliders above a picture with a line or two of text under it.  An
-observer computes the step anew and sets the picture widget's bytes; no figure is built.  `show` displays an
-explorer together with its first picture and text, which stay readable where no kernel runs.  What a
-step refuses (a `DetectionError`, a `ValueError`, a `CalibrationError`) is written under the picture.
-"""
+"""The explorer of the genetic algorithm: its population on the valley of its objective."""
 
 import textwrap
 from dataclasses import replace
@@ -17,15 +11,15 @@ from IPython.display import Image, display
 from matplotlib.colors import to_rgb
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .calibration import PENALTY, minimize_genetic
-from .camera import OpenCVCamera, TsaiCamera
-from .checks import CalibrationError, DetectionError, as_image
-from .circles import METHODS, find_circles
-from .pegs import locate_pegs
-from .plotting import COLORS
-from .pose import estimate_pose
-from .render import render_hub
-from .segmentation import segment
+from ...calibration import PENALTY, minimize_genetic
+from ...camera import OpenCVCamera, TsaiCamera
+from ...checks import CalibrationError, DetectionError, as_image
+from ...circles import METHODS, find_circles
+from ...pegs import locate_pegs
+from ...pose import estimate_pose
+from ...render import render_hub
+from ...segmentation import segment
+from ..plotting import COLORS
 
 SHOWN_WIDTH = 800  # px, of every picture
 RENDERED_WIDTH = 400  # px, of the hub's picture before it is enlarged

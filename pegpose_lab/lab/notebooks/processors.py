@@ -14,7 +14,8 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from . import environment, running
+from .. import environment
+from . import running
 
 OTHER = "Nehalem"
 """The machine for a quick look: 2008's vector units in all three libraries, unlike any that is in use now."""

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from . import claims, paper, results
-from .bench_circles import TARGET_NOISE
-from .peers import OURS, REFERENCE
+from .. import claims, paper
+from ..bench_circles import TARGET_NOISE
+from ..peers import OURS, REFERENCE
+from . import results
 
 
 def write(readme, folder):

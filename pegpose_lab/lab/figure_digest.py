@@ -47,7 +47,7 @@ def figure_digest(fig):
 
     Examples
     --------
-    >>> from pegpose_lab import plotting
+    >>> from pegpose_lab.lab import plotting
     >>> fig, ax = plotting.figure()
     >>> lines = ax.plot([0, 1, 2], [0, 1, 4], label="square")
     >>> labels = ax.set(xlabel="x (mm)", ylabel="y (mm)", xlim=(0, 2), ylim=(0, 4))

@@ -1,0 +1,37 @@
+"""The tools that make an environment and install into it; standard library only."""
+
+import importlib.util
+import re
+import shutil
+import subprocess
+
+
+class SetUpError(SystemExit):
+    """There is no environment to be had; the message says why and what to do."""
+
+
+def _venv_commands(base, folder, has_venv):
+    """What makes an environment of the Python `base`: uv, the module venv, virtualenv, as far as they are there."""
+    uv, virtualenv = shutil.which("uv"), shutil.which("virtualenv")
+    commands = []
+    if uv:
+        commands.append([uv, "venv", "--quiet", "--seed", "--allow-existing", "--python", base, folder])
+    if has_venv:
+        commands.append([base, "-m", "venv", folder])
+    if virtualenv:
+        commands.append([virtualenv, "--quiet", "--python", base, folder])
+    return commands
+
+
+def _has_package(requirement):
+    """Whether this very Python has the package that a requirement names, in any version."""
+    try:
+        return bool(importlib.metadata.version(re.match(r"[\w.-]+", requirement).group()))
+    except importlib.metadata.PackageNotFoundError:
+        return False
+
+
+def _run_first(commands, task, run=None):
+    """Run commands until one succeeds; `run` runs one and returns its exit code (default: `subprocess.call`)."""
+    if all((run or subprocess.call)(command) for command in commands):
+        raise SetUpError(f"{task} failed; the lines above say why. Once that is mended, run the command again.")
