@@ -9,7 +9,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from pegpose_lab import checks
 from pegpose_lab.calibration import PENALTY
 from pegpose_lab.camera import OpenCVCamera, TsaiCamera
-from pegpose_lab.lab.widgets import genetic
+from pegpose_lab.lab.widgets import circles, genetic, hub, show, threshold
+from pegpose_lab.lab.widgets import explorer as explorer_file
+from pegpose_lab.lab.widgets.explorer import LINE_HEIGHT, SHOWN_WIDTH, TEXT_LINES, Explorer
 from pegpose_lab.render import render_hub
 from pegpose_lab.targets import Hub
 
@@ -34,10 +36,10 @@ def image():
 @pytest.fixture(params=["threshold", "circle", "genetic", "hub"])
 def explorer(request, image):
     return {
-        "threshold": lambda: genetic.threshold_explorer(image),
-        "circle": lambda: genetic.circle_explorer(image, radius_range=(18, 30)),
+        "threshold": lambda: threshold.threshold_explorer(image),
+        "circle": lambda: circles.circle_explorer(image, radius_range=(18, 30)),
         "genetic": lambda: genetic.genetic_explorer(valley, BOUNDS, generations=30),
-        "hub": lambda: genetic.hub_explorer(CAMERA, Hub(), PLANE),
+        "hub": lambda: hub.hub_explorer(CAMERA, Hub(), PLANE),
     }[request.param]()
 
 
@@ -50,11 +52,11 @@ def decode(data):
 
 def test_first_picture_is_a_png_of_the_stated_size(explorer):
     picture = decode(explorer.picture.value)
-    strip = genetic.TEXT_LINES * genetic.LINE_HEIGHT + 8
+    strip = TEXT_LINES * LINE_HEIGHT + 8
     height = 480 if explorer.name.startswith("genetic") else 600
     assert bytes(explorer.picture.value).startswith(b"\x89PNG")
-    assert picture.shape == (height + strip, genetic.SHOWN_WIDTH, 3)
-    assert explorer.picture.width == str(genetic.SHOWN_WIDTH) and explorer.picture.format == "png"
+    assert picture.shape == (height + strip, SHOWN_WIDTH, 3)
+    assert explorer.picture.width == str(SHOWN_WIDTH) and explorer.picture.format == "png"
     assert not explorer.failed and explorer.text
 
 
@@ -93,8 +95,8 @@ def test_repr_is_short_and_the_same_in_every_run(explorer):
 
 def test_show_displays_widget_picture_and_text(explorer, monkeypatch, capsys):
     shown = []
-    monkeypatch.setattr(genetic, "display", shown.append)
-    genetic.show(explorer)
+    monkeypatch.setattr(explorer_file, "display", shown.append)
+    show(explorer)
     assert shown[0] is explorer
     assert isinstance(shown[1], Image) and shown[1].data == bytes(explorer.picture.value)
     assert capsys.readouterr().out == explorer.text + "\n"
@@ -113,8 +115,8 @@ def test_errors_are_shown_as_text(error):
             raise error("nothing found; " + "try again " * 40)
         return "fine"
 
-    slider = genetic.ipywidgets.IntSlider(0, 0, 5)
-    explorer = genetic.Explorer("trial", lambda level: backdrop, draw, {"level": slider})
+    slider = circles.ipywidgets.IntSlider(0, 0, 5)
+    explorer = Explorer("trial", lambda level: backdrop, draw, {"level": slider})
     good = explorer.picture.value
     slider.value = 3
     assert explorer.failed and explorer.text.startswith("No result: nothing found")
@@ -130,20 +132,20 @@ def test_other_errors_are_not_hidden():
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        genetic.Explorer("trial", lambda level: np.zeros((9, 9, 3), np.uint8), draw,
-                         {"level": genetic.ipywidgets.IntSlider()})
+        Explorer("trial", lambda level: np.zeros((9, 9, 3), np.uint8), draw,
+                         {"level": circles.ipywidgets.IntSlider()})
 
 
 def test_constant_picture_is_an_error_text():
     constant = np.full((300, 400), 90, np.uint8)
-    explorer = genetic.threshold_explorer(constant)
+    explorer = threshold.threshold_explorer(constant)
     assert explorer.failed and "constant" in explorer.text
     explorer.controls["automatic"].value = False
     assert not explorer.failed
-    assert "no circles" in genetic.circle_explorer(constant).text
+    assert "no circles" in circles.circle_explorer(constant).text
 
 
-@pytest.mark.parametrize("make", [genetic.threshold_explorer, genetic.circle_explorer])
+@pytest.mark.parametrize("make", [threshold.threshold_explorer, circles.circle_explorer])
 @pytest.mark.parametrize("image", [np.zeros((4, 4, 3), np.uint8), np.zeros((4, 4)), np.zeros((0, 4), np.uint8)])
 def test_unusable_picture(make, image):
     with pytest.raises(ValueError, match="image"):
@@ -154,7 +156,7 @@ def test_unusable_picture(make, image):
 
 
 def test_threshold_explorer_paints_the_parts(image):
-    explorer = genetic.threshold_explorer(image)
+    explorer = threshold.threshold_explorer(image)
     assert "7 parts" in explorer.text
     explorer.controls["automatic"].value = False
     explorer.controls["threshold"].value = 255
@@ -164,14 +166,14 @@ def test_threshold_explorer_paints_the_parts(image):
 
 
 def test_threshold_explorer_starts_at_otsu(image):
-    explorer = genetic.threshold_explorer(image)
+    explorer = threshold.threshold_explorer(image)
     assert explorer.controls["threshold"].value == cv2.threshold(image, 0, 255, cv2.THRESH_OTSU)[0]
 
 
 @pytest.mark.parametrize("factor", [1, 2])
 def test_circle_explorer_speaks_in_pixels_of_the_image(factor, image):
     large = cv2.resize(image, None, fx=factor, fy=factor, interpolation=cv2.INTER_LINEAR)
-    explorer = genetic.circle_explorer(large, radius_range=(18 * factor, 30 * factor))
+    explorer = circles.circle_explorer(large, radius_range=(18 * factor, 30 * factor))
     assert "4 circles" in explorer.text
     low, high = (float(part) for part in explorer.text.split("radii ")[1].split(" px")[0].split(" to "))
     assert 18 * factor <= low <= high <= 30 * factor
@@ -180,7 +182,7 @@ def test_circle_explorer_speaks_in_pixels_of_the_image(factor, image):
 
 
 def test_circle_explorer_draws_where_the_pegs_are(image):
-    explorer = genetic.circle_explorer(image, radius_range=(18, 30))
+    explorer = circles.circle_explorer(image, radius_range=(18, 30))
     pose = PLANE * RigidTransform.from_components([0, 0, 0], Rotation.from_rotvec([0, 0, np.deg2rad(-140.0)]))
     picture = decode(explorer.picture.value)
     for x, y in np.rint(CAMERA.project(Hub().peg_centers, pose)).astype(int):
@@ -213,7 +215,7 @@ def test_genetic_explorer_draws_population_and_valley():
 
     explorer = genetic.genetic_explorer(valley, BOUNDS, search=search, generations=3)
     picture = decode(explorer.picture.value)
-    plot = np.array([genetic.SHOWN_WIDTH - 100, 480 - 60])  # without margins
+    plot = np.array([SHOWN_WIDTH - 100, 480 - 60])  # without margins
     x, y = np.array([80, 16]) + np.array([0.75, 1 - 34 / 135]) * (plot - 1)  # T_z grows upwards
     dot = picture[round(y) - 1 : round(y) + 2, round(x) - 1 : round(x) + 2].astype(int)
     assert np.abs(dot - [0x00, 0x5E, 0xD5]).max() < 30  # the colour "genetic", in OpenCV's order
@@ -230,7 +232,7 @@ def test_genetic_explorer_ends_in_the_valley():
 
 
 def test_hub_explorer_finds_the_truth_it_rendered():
-    explorer = genetic.hub_explorer(CAMERA, Hub(), PLANE)
+    explorer = hub.hub_explorer(CAMERA, Hub(), PLANE)
     for name, value in (("angle", -140.0), ("angle", -110.0), ("shift", 12.0)):
         explorer.controls[name].value = value
         truth, estimate = (_numbers(line) for line in explorer.text.splitlines())
@@ -239,14 +241,14 @@ def test_hub_explorer_finds_the_truth_it_rendered():
 
 
 def test_hub_explorer_says_when_the_labels_are_a_half_turn_off():
-    explorer = genetic.hub_explorer(CAMERA, Hub(), PLANE, angle=40.0)  # screw 1 to the right: taken for screw 2
+    explorer = hub.hub_explorer(CAMERA, Hub(), PLANE, angle=40.0)  # screw 1 to the right: taken for screw 2
     truth, estimate, remark = explorer.text.splitlines()
     assert "half turn" in remark
     assert abs(_numbers(estimate)[0] - _numbers(truth)[0]) == pytest.approx(180, abs=0.1)
 
 
 def test_hub_explorer_refuses_a_jump_and_recovers():
-    explorer = genetic.hub_explorer(CAMERA, Hub(), PLANE)
+    explorer = hub.hub_explorer(CAMERA, Hub(), PLANE)
     explorer.controls["angle"].value = -50.0
     assert explorer.failed
     explorer.controls["angle"].value = -130.0
@@ -255,12 +257,12 @@ def test_hub_explorer_refuses_a_jump_and_recovers():
 
 def test_smaller_camera_sees_the_same():
     points = np.array([[10.0, 20, 300], [-60, 40, 280], [0, 0, 250]])
-    small = genetic._smaller(CAMERA, 400)
+    small = hub._smaller(CAMERA, 400)
     pose = RigidTransform.identity()
     expected = (CAMERA.project(points, pose) + 0.5) / 2 - 0.5
     np.testing.assert_allclose(small.project(points, pose), expected, atol=1e-9)
     assert small.image_size == (400, 300)
-    opencv = genetic._smaller(CAMERA.to_opencv(), 400)
+    opencv = hub._smaller(CAMERA.to_opencv(), 400)
     assert isinstance(opencv, OpenCVCamera)
     np.testing.assert_allclose(opencv.project(points, pose), expected, atol=1e-3)
 

@@ -7,7 +7,11 @@ step refuses (a `DetectionError`, a `ValueError`, a `CalibrationError`) is writt
  A slider is one function here, in a file of its step.
 """
 
-from .genetic import circle_explorer, genetic_explorer, hub_explorer, show, threshold_explorer
+from .circles import circle_explorer
+from .explorer import show
+from .genetic import genetic_explorer
+from .hub import hub_explorer
+from .threshold import threshold_explorer
 
 __all__ = [
     "circle_explorer",

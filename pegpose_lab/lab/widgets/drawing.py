@@ -1,0 +1,44 @@
+"""Drawing into a picture at the size in which it is shown."""
+
+import cv2
+import numpy as np
+from matplotlib.colors import to_rgb
+
+from .explorer import FONT, SHOWN_WIDTH
+
+# ---- pictures; (x, y) px of the full image lies at scale * (x + 0.5) - 0.5 in the shown one ----
+
+
+def _bgr(color):
+    """A colour of `COLORS` as OpenCV orders it."""
+    return tuple(round(255 * part) for part in reversed(to_rgb(color)))
+
+
+def _canvas(image):
+    """A picture `SHOWN_WIDTH` px wide, in colour, and its scale.
+
+    Grey values are rounded to multiples of 8: noise would make the PNG files several times larger.
+    """
+    scale = SHOWN_WIDTH / image.shape[1]
+    return cv2.cvtColor(cv2.add(_resized(image, scale), 4) & 0xF8, cv2.COLOR_GRAY2BGR), scale
+
+
+def _resized(image, scale):
+    size = round(scale * image.shape[1]), max(1, round(scale * image.shape[0]))
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+
+
+def _place(point, scale, bits=4):
+    """Position in the shown picture, in units of 1/16 px as cv2's drawing functions take it."""
+    x, y = np.rint((scale * (np.asarray(point) + 0.5) - 0.5) * (1 << bits)).astype(int).tolist()
+    return x, y
+
+
+def _circle(picture, center, radius, scale, color, label=None):
+    """A circle with its centre and, if given, a label beside it."""
+    place = _place(center, scale)
+    cv2.circle(picture, place, round(16 * scale * radius), _bgr(color), 2, cv2.LINE_AA, 4)
+    cv2.circle(picture, place, 16 * 2, _bgr(color), -1, cv2.LINE_AA, 4)
+    if label is not None:
+        corner = np.add(np.floor_divide(place, 16), round(0.75 * scale * radius) * np.array([1, -1])).tolist()
+        cv2.putText(picture, label, corner, FONT, 0.7, _bgr(color), 2, cv2.LINE_AA)

@@ -1,0 +1,107 @@
+"""The explorer of the hub's pose."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import cv2
+import ipywidgets
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from ...camera import OpenCVCamera, TsaiCamera
+from ...pegs import locate_pegs
+from ...pose import estimate_pose
+from ...render import render_hub
+from ..plotting import COLORS
+from .drawing import _bgr, _canvas, _circle, _place
+from .explorer import SHOWN_WIDTH, Explorer, _slider
+
+RENDERED_WIDTH = 400  # px, of the hub's picture before it is enlarged
+
+
+def hub_explorer(camera, hub, cam_from_plane, *, angle=-140.0, shift=0.0, blur=0.9, noise=2.0):
+    """Sliders for the hub's angle and shift (Sect. 3.2): renders it, locates the pegs and estimates the pose.
+
+    The picture is rendered `RENDERED_WIDTH` px wide, for speed.  Labels are carried over from the picture before,
+    as from frame to frame, because the two screws leave a half turn open: at the first angle screw 1 is the one
+    further left, and a jump by too large an angle is refused.
+
+    Parameters
+    ----------
+    camera : TsaiCamera or OpenCVCamera
+    hub : Hub
+    cam_from_plane : RigidTransform
+        The plane of the peg tops.
+    angle, shift : float
+        Where the sliders stand first, deg and mm.
+    blur, noise : float
+        px and grey values, of the picture as it is rendered.
+
+    Returns
+    -------
+    Explorer
+        Controls ``angle`` (deg about z), ``shift`` (mm along x).
+    """
+    camera = _smaller(camera, RENDERED_WIDTH)
+    previous = None
+
+    @lru_cache(maxsize=2)
+    def render(angle, shift):
+        turn = Rotation.from_rotvec([0, 0, np.deg2rad(angle)])
+        truth = cam_from_plane * RigidTransform.from_components([shift, 0, 0], turn)
+        return render_hub(camera, truth, hub, blur=blur, noise=noise, rng=0)
+
+    def backdrop(angle, shift):
+        return _canvas(render(angle, shift))[0]
+
+    def draw(picture, angle, shift):
+        nonlocal previous
+        previous = locate_pegs(render(angle, shift), hub, previous=previous)
+        pose = estimate_pose(previous, camera, hub, plane=cam_from_plane)
+        _paint_pegs(picture, SHOWN_WIDTH / camera.image_size[0], previous)
+        return _compare_poses(angle, shift, pose)
+
+    return Explorer("hub explorer", backdrop, draw, {
+        "angle": _slider(ipywidgets.FloatSlider, "hub angle (deg)", angle, -180.0, 180.0, step=1.0),
+        "shift": _slider(ipywidgets.FloatSlider, "shift (mm)", shift, -10.0, 70.0, step=0.5),
+    })
+
+
+# ---- the hub ----
+
+
+def _smaller(camera, width):
+    """The same camera with pixels so large that its picture is at most `width` px wide."""
+    scale = min(1.0, width / camera.image_size[0])
+    size = tuple(max(1, round(scale * side)) for side in camera.image_size)
+    if isinstance(camera, TsaiCamera):
+        pitch = np.array(camera.pixel_pitch) / scale
+        middle = scale * (np.array(camera.principal_point) + 0.5) - 0.5
+        return replace(camera, pixel_pitch=pitch, principal_point=middle, image_size=size)
+    to_small = np.array([[scale, 0, 0.5 * scale - 0.5], [0, scale, 0.5 * scale - 0.5], [0, 0, 1]])
+    return OpenCVCamera(to_small @ camera.camera_matrix, camera.dist_coeffs, size)
+
+
+def _paint_pegs(picture, scale, seen):
+    """Labelled pegs, screws, and line 1 of Fig. 5 from the hub's centre to peg 1."""
+    ends = (_place(point, scale) for point in (seen.hub_center, seen.peg_centers[0]))
+    cv2.line(picture, *ends, _bgr(COLORS["genetic"]), 2, cv2.LINE_AA, 4)
+    for number, (center, radius) in enumerate(zip(seen.peg_centers, seen.peg_radii), 1):
+        _circle(picture, center, radius, scale, COLORS["genetic"], str(number))
+    for number, center in enumerate(seen.screw_centers, 1):
+        _circle(picture, center, 6.0 / scale, scale, COLORS["linear"], f"s{number}")
+
+
+def _compare_poses(angle, shift, pose):
+    """Truth and estimate; says so where the labels are a half turn off, as the screws allow."""
+    found = np.rad2deg(pose.theta)
+    error = (found - angle + 180) % 360 - 180
+    half_turn_off = abs(error) > 90
+    theta = found if half_turn_off else angle + error
+    lines = [
+        f"truth: theta = {angle:.2f} deg, x = {shift:.2f} mm, y = 0.00 mm",
+        f"estimate: theta = {theta:.2f} deg, x = {pose.x:.2f} mm, y = {pose.y:.2f} mm",
+    ]
+    if half_turn_off:
+        lines.append("The labels are a half turn off: the hub looks the same after a half turn.")
+    return "\n".join(lines).replace("-0.00", "0.00")
