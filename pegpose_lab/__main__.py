@@ -89,8 +89,8 @@ def _choose(patterns):
 
 def _report(options):
     """Compare the results with the paper, in claims.csv, in the two READMEs and on the screen."""
-    from . import claims
     from .lab import front_page
+    from .paper import claims
 
     table = claims.write_claims(options.output / "data" / "results")
     if options.output == CHECKOUT:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from . import experiment, rivals
+from . import paper, rivals, study
 from .bench_circles import one_thread
 from .calibration import calibrate_joint, optimum_in_box
 from .targets import Checkerboard
@@ -29,13 +29,13 @@ def measure_joint(views, *, repeats=3):
     DataFrame
         views, ms, opencv_ms (medians), ratio, rms_difference: ours less OpenCV's, px.
     """
-    rows, camera = [], experiment.paper_camera()
+    rows, camera = [], paper.paper_camera()
     board = Checkerboard(8, 6, 29.0)
     flags = cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
     with one_thread():
         for number in tqdm(views, unit="set", desc="joint ", disable=None):
             rng = np.random.default_rng([SEED, number])
-            poses = experiment.trial_poses(board, 30.0, number, rng)
+            poses = study.trial_poses(board, 30.0, number, rng)
             images = [camera.project(board.object_points, pose) + 0.1 * rng.standard_normal((48, 2)) for pose in poses]
             points, times, opencv_times = [board.object_points] * number, [], []
             single = [[array.astype(np.float32) for array in arrays] for arrays in (points, images)]

@@ -50,7 +50,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import ndtr
 from tqdm import tqdm
 
-from . import experiment, peers
+from . import paper, peers
 from .render import HubLook, TrueDisc, disc_outline, expose, render_hub, true_disc
 from .targets import Hub
 
@@ -157,7 +157,7 @@ def draw_frame(scene, number, camera=None):
 
 @cache
 def _camera():
-    return experiment.paper_camera()
+    return paper.paper_camera()
 
 
 def _pose(scene, rng):
@@ -209,6 +209,7 @@ def _arc_shape(visible, outline):
 
 
 # ---- one frame ----
+
 
 _KEY = ("scene", "noise", "frame", "method")
 FRAME_COLUMNS = (*_KEY, "seconds", "false_positives")

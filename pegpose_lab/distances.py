@@ -14,8 +14,8 @@ import pandas as pd
 from . import paper
 from .calibration import calibrate_genetic
 from .checks import as_choice, as_count, as_number
-from .experiment import paper_experiment
 from .files import PROJECT_FOLDER, replacing
+from .paper import paper_experiment
 
 GIVEN = ("mean", "rms")
 """What the limit is a multiple of: the mean of the distances (Eq. 7 as printed), or their root mean square."""

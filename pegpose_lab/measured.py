@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from . import experiment
+from . import paper
 from .calibration import calibrate_joint
 from .camera import TsaiCamera
 from .checks import DetectionError
@@ -283,7 +283,7 @@ def count_parts():
 
 def _hubs_in_uneven_light():
     """Rendered frame 1 in each of LIGHTS: name, light, picture, and its pegs (4, 3) as x, y, r."""
-    truth = experiment.paper_experiment()
+    truth = paper.paper_experiment()
     pose, frame = truth.cam_from_hubs[0], truth.hub_frame(0)
     pegs = [true_disc(truth.camera, pose, center, truth.hub.peg_radius) for center in truth.hub.peg_centers]
     pegs = np.array([(*peg.centroid, peg.radius) for peg in pegs])

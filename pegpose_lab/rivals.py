@@ -16,7 +16,7 @@ from scipy.optimize import differential_evolution, least_squares, minimize
 from scipy.spatial.transform import RigidTransform
 from tqdm import tqdm
 
-from . import experiment, measured
+from . import measured, paper
 from .calibration import (
     BOX,
     Calibration,
@@ -65,11 +65,11 @@ def trial_sets():
     found in the pictures; the real ones are OpenCV's photographs with this project's corners, the principal point in the
     picture's middle.
     """
-    truth = experiment.paper_experiment()
+    truth = paper.paper_experiment()
     unknown = replace(truth.camera, focal_length=1.0, kappa1=0.0)
     board = truth.board.object_points
     world = truth.world_from_board.apply(board)
-    exact = truth.camera.project(world, experiment.paper_pose())
+    exact = truth.camera.project(world, paper.paper_pose())
     noise = 0.025 * np.random.default_rng(0).standard_normal(exact.shape)
     sets = [("paper's view", world, exact + noise, unknown)]
     sets += [

@@ -10,8 +10,8 @@ import numpy as np
 
 from .checks import DetectionError
 from .datasets import read_corners, write_corners
-from .experiment import paper_experiment
 from .files import PROJECT_FOLDER
+from .paper import paper_experiment
 
 FILE = PROJECT_FOLDER / "data" / "measured" / "sector_corners.csv"
 COMMAND = "python3 -m pegpose_lab.sector_corners"

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from .. import claims, paper
+from .. import paper
 from ..bench_circles import TARGET_NOISE
+from ..paper import claims
 from ..peers import OURS, REFERENCE
 from . import results
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from pegpose_lab import OpenCVCamera, TsaiCamera
 from pegpose_lab.camera import distort_radius, max_undistorted_radius
 from pegpose_lab.camera.tsai import OPENCV_LIMIT, OPENCV_PLAIN
-from pegpose_lab.experiment import paper_camera, paper_pose
+from pegpose_lab.paper import paper_camera, paper_pose
 
 POSE = RigidTransform.from_components([10.0, -20.0, 400.0], Rotation.from_euler("xyz", [12, -7, 30], degrees=True))
 

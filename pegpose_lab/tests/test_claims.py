@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from pegpose_lab import claims, experiment, paper
 from pegpose_lab.lab import results
+from pegpose_lab.paper import claims, experiment, numbers
 
-PROJECT = Path(claims.__file__).resolve().parents[1]
+PROJECT = Path(claims.__file__).resolve().parents[2]
 COMMITTED = PROJECT / "data" / "results"
 # Once reproduce has written data/results/claims.csv, what is committed has to be complete and current.
 once_reproduced = pytest.mark.skipif(
@@ -21,7 +21,7 @@ once_reproduced = pytest.mark.skipif(
 
 def as_printed():
     """Values that agree with the paper everywhere, and what the rules need beside them."""
-    values = {identifier: paper.printed(identifier) for identifier in paper.printed_numbers().index}
+    values = {identifier: numbers.printed(identifier) for identifier in numbers.printed_numbers().index}
     return values | {identifier: 50.0 for identifier in claims.known_identifiers() - set(values)}
 
 
@@ -32,7 +32,7 @@ def row(values, identifier):
 
 def test_there_is_one_rule_for_each_printed_number():
     patterns = claims._rules()["ids"]
-    identifiers = paper.printed_numbers().index
+    identifiers = numbers.printed_numbers().index
     matches = np.array([[fnmatchcase(identifier, pattern) for pattern in patterns] for identifier in identifiers])
     assert (matches.sum(axis=1) == 1).all()
     assert (matches.sum(axis=0) >= 1).all()
@@ -53,7 +53,7 @@ def test_rules_are_known_and_complete():
 def test_table_without_values():
     table = claims.claims_table({})
     assert table.columns.tolist() == claims.COLUMNS
-    assert len(table) == len(paper.printed_numbers()) >= 60
+    assert len(table) == len(numbers.printed_numbers()) >= 60
     inputs = table["verdict"] == "input"
     assert table["ours"].isna().all() and table["difference"].isna().all()
     assert (table.loc[~inputs, "verdict"] == "not determined").all()
@@ -71,7 +71,7 @@ def test_table_that_agrees_with_the_paper():
 
 def test_an_input_is_never_reproduced():
     for identifier in ("setup.width", "alpha", "bounds", "T2.x1", "T1-linear.kappa1"):
-        for value in (paper.printed(identifier), paper.printed(identifier) + 1):
+        for value in (numbers.printed(identifier), numbers.printed(identifier) + 1):
             assert row({identifier: value}, identifier)["verdict"] == "input"
 
 
@@ -92,8 +92,8 @@ TOLERANCES = {
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_within_its_tolerance_and_beyond(identifier, sign):
     tolerance, met, otherwise = TOLERANCES[identifier]
-    inside = row({identifier: paper.printed(identifier) + sign * tolerance}, identifier)
-    beyond = row({identifier: paper.printed(identifier) + sign * tolerance * 1.01}, identifier)
+    inside = row({identifier: numbers.printed(identifier) + sign * tolerance}, identifier)
+    beyond = row({identifier: numbers.printed(identifier) + sign * tolerance * 1.01}, identifier)
     assert inside["tolerance"] == tolerance
     assert (inside["verdict"], beyond["verdict"]) == (met, otherwise)
     assert beyond["difference"] == pytest.approx(sign * tolerance * 1.01)
@@ -101,7 +101,7 @@ def test_within_its_tolerance_and_beyond(identifier, sign):
 
 @pytest.mark.parametrize("identifier", ["F7.range", "acc"])
 def test_at_most(identifier):
-    limit = paper.printed(identifier)
+    limit = numbers.printed(identifier)
     assert row({identifier: limit / 10}, identifier)["verdict"] == "reproduced"
     assert row({identifier: limit}, identifier)["verdict"] == "reproduced"
     assert row({identifier: limit * 1.01}, identifier)["verdict"] == "not determined"
@@ -118,7 +118,7 @@ def test_share_has_the_binomial_interval():
 @pytest.mark.parametrize(("frames", "count"), [("1-10", 10), ("11-20", 10), ("21-30", 10), ("31-45", 15)])
 def test_table3_has_the_intervals_of_so_many_frames(frames, count):
     """The stated intervals hold 95 % of simulated means and standard deviations."""
-    sd = paper.printed(f"T3.sd.{frames}")
+    sd = numbers.printed(f"T3.sd.{frames}")
     samples = np.random.default_rng(count).normal(0, sd, (20_000, count))
     means, deviations = samples.mean(axis=1), samples.std(axis=1, ddof=1)
     student = row({}, f"T3.mean.{frames}")["tolerance"] / sd * deviations
@@ -129,7 +129,7 @@ def test_table3_has_the_intervals_of_so_many_frames(frames, count):
 
 @pytest.mark.parametrize("identifier", ["T1-linear.f", "T1-linear.Tz"])
 def test_range_of_what_is_not_printed(identifier):
-    printed = paper.printed(identifier)
+    printed = numbers.printed(identifier)
     ours = {identifier: printed * 0.88}
     missing = row(ours, identifier)
     assert missing["verdict"] == "not determined"
@@ -149,7 +149,7 @@ def test_a_reason_that_lacks_its_number_says_so():
 
 def test_reasons_quote_computed_numbers():
     table = claims.claims_table(as_printed()).set_index("id")
-    assert f"{paper.mm_per_pixel():.6f} mm" in table.at["T2.X1", "reason"]
+    assert f"{numbers.mm_per_pixel():.6f} mm" in table.at["T2.X1", "reason"]
     assert "12-fold" in table.at["T1-ga.kappa1", "reason"]
     assert "interval of 240" in table.at["F6.percent", "reason"]
     assert not table["reason"].str.contains("[{}]").any()
@@ -250,11 +250,11 @@ def rendered_truth():
 def given_to_the_rendering(monkeypatch):
     """Ids of the printed numbers without which the rendered experiment would be another one."""
     given, before = [], rendered_truth()
-    for identifier, row in paper.printed_numbers().iterrows():
-        changed = paper.printed_numbers()
+    for identifier, row in numbers.printed_numbers().iterrows():
+        changed = numbers.printed_numbers()
         changed.loc[identifier, "value"] = 2 * row["value"] if identifier.startswith("setup") else 1.01 * row["value"]
         with monkeypatch.context() as patch:
-            patch.setattr(paper, "_numbers", lambda changed=changed: changed)
+            patch.setattr(numbers, "_numbers", lambda changed=changed: changed)
             experiment.paper_camera.cache_clear()
             if not np.array_equal(rendered_truth(), before):
                 given.append(identifier)
@@ -272,12 +272,12 @@ def test_what_the_rendering_was_given_is_never_called_reproduced(monkeypatch):
     assert not (table.loc[given, "verdict"] == claims.REPRODUCED).any()
     assert set(table.index[table["verdict"] == claims.RECOVERED]) <= set(given) | {"T1-linear.Tx", "T1-linear.Ty"}
     for axis in ("Tx", "Ty"):  # one number, printed for both stages
-        assert paper.printed(f"T1-linear.{axis}") == paper.printed(f"T1-ga.{axis}")
+        assert numbers.printed(f"T1-linear.{axis}") == numbers.printed(f"T1-ga.{axis}")
 
 
 def test_what_depends_on_our_choice_is_not_determined_even_if_it_agrees():
     for identifier in ("T3.mean.1-10", "T3.sd.31-45"):  # tilt, turn and noise of the rendering
-        assert row({identifier: paper.printed(identifier)}, identifier)["verdict"] == "not determined"
+        assert row({identifier: numbers.printed(identifier)}, identifier)["verdict"] == "not determined"
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import Hub, fit_discs
-from pegpose_lab.experiment import paper_camera
+from pegpose_lab.paper import paper_camera
 from pegpose_lab.render import HubLook, render_hub, true_disc
 
 HUB = Hub(radius=80.0)

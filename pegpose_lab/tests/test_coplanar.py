@@ -5,7 +5,7 @@ import pytest
 
 from pegpose_lab import CalibrationError, calibrate_tsai
 from pegpose_lab.calibration import solve_images
-from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.paper import paper_experiment
 
 TRUTH = paper_experiment()
 BOARD = TRUTH.board.object_points

@@ -16,7 +16,7 @@ from pegpose_lab.corners.find import _check, _fit
 from pegpose_lab.corners.fit import CornerFits, edge_crossing, fit_corners
 from pegpose_lab.corners.grid import candidate_grids
 from pegpose_lab.corners.whole_board import check_ends, check_fields
-from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.paper import paper_experiment
 from pegpose_lab.render import render_board
 from pegpose_lab.render.board import BoardLook
 from pegpose_lab.targets import Checkerboard

@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from pegpose_lab import distances, paper
+from pegpose_lab import distances
 from pegpose_lab.distances import GIVEN, count_below, rayleigh_counts, two_stage_counts
+from pegpose_lab.paper import numbers
 
 RATIO = 0.03 / 0.0310
 
@@ -56,7 +57,7 @@ def test_the_same_seed_gives_the_same_counts_in_any_number_of_batches(monkeypatc
 def test_the_residuals_of_two_stages_scatter_more_than_independent_ones():
     table = distances.load_two_stage_counts()
     assert len(table) == 5 * distances.TRIALS and sorted(table["n"].unique()) == [48, 96, 144, 192, 240]
-    assert table["mean_distance"].mean() == pytest.approx(paper.printed("E-rms"), rel=0.1)
+    assert table["mean_distance"].mean() == pytest.approx(numbers.printed("E-rms"), rel=0.1)
     assert (table["rms"] >= table["mean"]).all()  # the rms is never below the mean
     independent = rayleigh_counts(240, distances.printed_ratio(), rng=5)
     for given in GIVEN:

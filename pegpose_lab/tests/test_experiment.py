@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from pegpose_lab import paper
-from pegpose_lab.experiment import N_FRAMES, paper_camera, paper_experiment, paper_pose
+from pegpose_lab.paper import N_FRAMES, numbers, paper_camera, paper_experiment, paper_pose
 from pegpose_lab.render import disc_outline
 
 
@@ -25,12 +24,12 @@ def test_the_camera_is_the_consistent_reading():
 def test_the_pose_is_table_1_on_so3():
     rotation = paper_pose().rotation.as_matrix()
     assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-12)
-    assert np.abs(rotation - paper.table1_rotation()).max() < 1.5e-3
+    assert np.abs(rotation - numbers.table1_rotation()).max() < 1.5e-3
     assert paper_pose().translation.tolist() == [-945.2, 663.51, 267.38]
 
 
 def test_five_boards_are_seen_whole_in_five_orientations(experiment):
-    assert len(experiment.cam_from_boards) == paper.printed("setup.orientations")
+    assert len(experiment.cam_from_boards) == numbers.printed("setup.orientations")
     tilts = []
     for pose in experiment.cam_from_boards:
         corners = experiment.camera.project(experiment.board.object_points, pose)
@@ -47,14 +46,14 @@ def test_the_first_board_is_seen_at_the_depth_that_table_1_implies(experiment):
 
 
 def test_frame_1_looks_as_table_2_says(experiment):
-    table = paper.table2()
+    table = numbers.table2()
     pixels = experiment.camera.project(experiment.hub.peg_centers, experiment.cam_from_hubs[0])
     assert pixels.mean(axis=0) == pytest.approx(table[["x_px", "y_px"]].to_numpy().mean(axis=0), abs=6)
     assert np.abs(pixels - table[["x_px", "y_px"]].to_numpy()).max() < 25  # the plane's tilt is not in Table 2
 
 
 def test_every_peg_is_seen_whole_in_every_frame(experiment):
-    assert len(experiment.cam_from_hubs) == N_FRAMES == paper.printed("setup.frames")
+    assert len(experiment.cam_from_hubs) == N_FRAMES == numbers.printed("setup.frames")
     for pose in experiment.cam_from_hubs:
         for center in experiment.hub.peg_centers:
             rim = disc_outline(experiment.camera, pose, center, experiment.hub.peg_radius)

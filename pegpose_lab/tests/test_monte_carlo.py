@@ -6,16 +6,10 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from pegpose_lab import experiment
 from pegpose_lab.calibration.joint import misfit
-from pegpose_lab.experiment import (
-    METHODS,
-    PARAMETERS,
-    load_rendered_trials,
-    monte_carlo,
-    paper_camera,
-    trial_poses,
-)
+from pegpose_lab.paper import experiment, paper_camera
+from pegpose_lab.study import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, trials
+from pegpose_lab.study.trials import METHODS
 from pegpose_lab.targets import Checkerboard
 
 SMALL = {"noises": (0.05, 0.2), "tilts": (20.0, 30.0), "views": (3,), "trials": 2, "progress": False}
@@ -50,8 +44,8 @@ def test_noise_levels_share_their_boards():
 def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
     path = tmp_path / "trials.csv"
     first = monte_carlo(**(SMALL | {"trials": 1}), path=path)
-    run, calls = experiment.run_trial, []
-    monkeypatch.setattr(experiment, "run_trial", lambda *key: calls.append(key) or run(*key))
+    run, calls = trials.run_trial, []
+    monkeypatch.setattr(trials, "run_trial", lambda *key: calls.append(key) or run(*key))
     table = monte_carlo(**SMALL, path=path)
     assert len(calls) == 4 and all(key[-1] == 1 for key in calls)
     pd.testing.assert_frame_equal(table[table["trial"] == 0].reset_index(drop=True), first)
@@ -60,14 +54,14 @@ def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path, monkeypatch):
 
 
 def test_what_was_finished_before_an_interrupt_is_kept(tmp_path, monkeypatch):
-    path, run = tmp_path / "trials.csv", experiment.run_trial
+    path, run = tmp_path / "trials.csv", trials.run_trial
 
     def interrupted(*key):
         if key[1:] == ("simulated", 0.2, 20.0, 3, "joint", 1):
             raise KeyboardInterrupt
         return run(*key)
 
-    monkeypatch.setattr(experiment, "run_trial", interrupted)
+    monkeypatch.setattr(trials, "run_trial", interrupted)
     with pytest.raises(KeyboardInterrupt):
         monte_carlo(**SMALL, path=path)
     assert 0 < len(pd.read_csv(path)) < 8
@@ -100,7 +94,7 @@ def test_damaged_and_double_lines_do_not_count(tmp_path):
 def test_rows_without_a_stated_sigma_are_finished(tmp_path, monkeypatch):
     options = SMALL | {"methods": ("tsai",), "tilts": (0.0, 30.0)}
     whole = monte_carlo(**options, path=tmp_path / "trials.csv")
-    monkeypatch.setattr(experiment, "run_trial", None)
+    monkeypatch.setattr(trials, "run_trial", None)
     pd.testing.assert_frame_equal(monte_carlo(**options, path=tmp_path / "trials.csv"), whole)
 
 
@@ -117,7 +111,7 @@ def test_a_numerical_error_is_a_row_with_its_type(tmp_path, monkeypatch, error, 
         raise error
 
     with monkeypatch.context() as patch:
-        patch.setattr(experiment, "calibrate_joint", fail)
+        patch.setattr(trials, "calibrate_joint", fail)
         table = monte_carlo(**SMALL, path=tmp_path / "trials.csv")
     assert (table["status"] == reason).all() and table["rms"].isna().all() and (table["flags"] == "").all()
     pd.testing.assert_frame_equal(monte_carlo(**SMALL, path=tmp_path / "trials.csv"), table)
@@ -165,12 +159,13 @@ def test_rendered_trials_leave_the_noise_of_their_corners():
 
 
 def test_rendered_trials_are_current():
-    again = monte_carlo(**(experiment.RENDERED | {"trials": 1}), progress=False)
+    again = monte_carlo(**(trials.RENDERED | {"trials": 1}), progress=False)
     pd.testing.assert_frame_equal(again, load_rendered_trials()[:1], rtol=1e-5)
 
 
 def test_a_board_that_is_not_found_is_a_row_with_its_reason(monkeypatch):
     monkeypatch.setattr(experiment, "render_board", lambda *_, **__: np.full((1200, 1600), 90, np.uint8))
+    monkeypatch.setattr(trials, "render_board", lambda *_, **__: np.full((1200, 1600), 90, np.uint8))
     table = monte_carlo(corners="rendered", noises=(2.0,), views=(3,), trials=1, progress=False)
     assert table["status"][0] != "" and table["rms"].isna().all()
 

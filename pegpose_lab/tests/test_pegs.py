@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab.camera import TsaiCamera
 from pegpose_lab.checks import DetectionError
-from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.paper import paper_experiment
 from pegpose_lab.pegs import locate_pegs, track_pegs
 from pegpose_lab.pegs.labels import _choose, _screws_look_alike
 from pegpose_lab.pegs.measure import _check_fits, _check_shapes

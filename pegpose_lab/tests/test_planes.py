@@ -16,7 +16,7 @@ from pegpose_lab import (
 )
 from pegpose_lab.calibration.planes import FLAT, is_planar, plane_frame, relief
 from pegpose_lab.calibration.two_stage.tsai import solve_coplanar, solve_noncoplanar
-from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.paper import paper_experiment
 
 EXPERIMENT = paper_experiment()
 CAMERA, BOARD = EXPERIMENT.camera, EXPERIMENT.board.object_points

@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from pegpose_lab import paper
 from pegpose_lab.checks import CalibrationError
-from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.paper import numbers, paper_experiment
 from pegpose_lab.pose import (
     estimate_pose,
     hub_from_end_effector,
@@ -192,8 +191,8 @@ def test_unusable_observations():
 
 
 def test_table_2_is_a_pure_scale():
-    table = paper.table2()
-    scaled = scale_coordinates(table[["x_px", "y_px"]].to_numpy(), paper.mm_per_pixel())
+    table = numbers.table2()
+    scaled = scale_coordinates(table[["x_px", "y_px"]].to_numpy(), numbers.mm_per_pixel())
     np.testing.assert_allclose(scaled, table[["x_mm", "y_mm"]].to_numpy(), atol=6e-4)
 
 

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import CalibrationError, OpenCVCamera, board_pose, board_poses
-from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.paper import paper_experiment
 
 EXPERIMENT = paper_experiment()
 CAMERA, BOARD = EXPERIMENT.camera, EXPERIMENT.board.object_points

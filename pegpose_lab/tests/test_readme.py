@@ -9,9 +9,9 @@ import cv2
 import pandas as pd
 import pytest
 
-from pegpose_lab.experiment import paper_experiment
 from pegpose_lab.files import PROJECT_FOLDER
 from pegpose_lab.lab import front_page
+from pegpose_lab.paper import paper_experiment
 
 README = (PROJECT_FOLDER / "README.md").read_text(encoding="utf-8")
 MAP = (PROJECT_FOLDER / "data" / "paper" / "README.md").read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import ndtr
 
 from pegpose_lab import Checkerboard, Hub, TsaiCamera, render_board, render_hub
-from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.paper import paper_experiment
 from pegpose_lab.render import HubLook, disc_outline, true_disc
 
 PAPER = paper_experiment()

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from pegpose_lab import calibrate_joint, calibrate_tsai, optimum_in_box, rivals
-from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.paper import paper_experiment
 from pegpose_lab.validation import leave_one_out
 
 TRUTH = paper_experiment()

@@ -5,7 +5,7 @@ import pytest
 
 from pegpose_lab import sector_corners
 from pegpose_lab.checks import DetectionError
-from pegpose_lab.experiment import paper_experiment
+from pegpose_lab.paper import paper_experiment
 
 
 def test_the_file_is_current():

@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from pegpose_lab import CalibrationError, Checkerboard, TsaiCamera
 from pegpose_lab.calibration.two_stage.estimate import _sign_of_ty, _solve_ratios
 from pegpose_lab.calibration.two_stage.tsai import solve_coplanar, solve_noncoplanar
-from pegpose_lab.experiment import paper_camera, paper_experiment, paper_pose
+from pegpose_lab.paper import paper_camera, paper_experiment, paper_pose
 
 PIN_HOLE = replace(paper_camera(), kappa1=0.0)
 BOARD = Checkerboard().object_points - Checkerboard().center

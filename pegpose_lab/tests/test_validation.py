@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pegpose_lab import Calibration, calibrate_joint, calibrate_zhang
-from pegpose_lab.experiment import paper_experiment, trial_poses
+from pegpose_lab.paper import paper_experiment
+from pegpose_lab.study import trial_poses
 from pegpose_lab.validation import coverage, held_out_distances, leave_one_out, radial_profile, sensitivity
 
 TRUTH = paper_experiment()

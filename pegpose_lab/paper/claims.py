@@ -40,8 +40,8 @@ import numpy as np
 import pandas as pd
 from scipy.special import ndtri, stdtrit
 
-from . import files, paper
-from .lab import results
+from .. import files, paper
+from ..lab import results
 
 RECOVERED, ARITHMETIC, REPRODUCED = "recovered by construction", "arithmetic of the printed numbers", "reproduced"
 VERDICTS = (RECOVERED, ARITHMETIC, REPRODUCED, "contradicted", "not determined", "input")

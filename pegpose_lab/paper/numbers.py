@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-FOLDER = Path(__file__).resolve().parents[1] / "data" / "paper"
+FOLDER = Path(__file__).resolve().parents[2] / "data" / "paper"
 
 
 @functools.cache

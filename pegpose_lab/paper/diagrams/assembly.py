@@ -1,19 +1,14 @@
-"""The paper's drawn figures (1, 2, 4 and 5), drawn anew from geometry: ``draw_*(ax)`` fills given axes.
-
-The scenes are three-dimensional and projected with the package's own camera, so that what looks like
-perspective is perspective and what looks like distortion is Eq. 3.  Each function says the size in inches
-that its text is set for; `plotting.figure` makes such axes and `plotting.save_figure` writes them.
-"""
+"""Fig. 1: camera, robot, hub and wheel, with Eqs. 1 and 2 as arrows."""
 
 import numpy as np
 from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Polygon
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from .camera import TsaiCamera
-from .checks import as_number
-from .lab.plotting import COLORS, SERIES
-from .targets import Hub
+from ...camera import TsaiCamera
+from ...checks import as_number
+from ...lab.plotting import COLORS, SERIES
+from ...targets import Hub
 
 AXIS_COLORS = (SERIES[1], SERIES[2], SERIES[0])  # x, y, z of every frame: red, green, blue
 MARKED = SERIES[5]  # what a drawing is about: the pose sought in Fig. 1, peg 1 in Fig. 5

@@ -1,16 +1,9 @@
-"""The paper's experiment (Sect. 4) on the paper camera: 5 boards and 45 hub frames, with their truth.
-
-The camera is the consistent reading of what is printed.  Table 2 gives 0.207 mm per pixel; with Table 1's
-f = 47.95 mm and T_z = 267.38 mm that is a pixel pitch of 0.207 f / T_z = 0.0371 mm; kappa1 is read in mm^-2
-on the sensor.  What is not printed (the other four boards, how far the hub turns and shifts in each frame, its
-height, grey values, blur and noise) is chosen here, once, and stated.
-"""
+"""Repeated calibrations of a camera whose truth is known (Monte Carlo)."""
 
 import csv
 import io
 import time
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -21,135 +14,15 @@ from joblib import Parallel, delayed
 from scipy.spatial.transform import RigidTransform, Rotation
 from tqdm import tqdm
 
-from . import paper
-from .calibration import calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
-from .camera import TsaiCamera
-from .checks import CalibrationError, DetectionError, as_count, as_number
-from .corners import find_corners
-from .files import PROJECT_FOLDER, replacing
-from .render import render_board, render_hub
-from .targets import Checkerboard, Hub
-
-N_FRAMES = 45
-TURN_PER_FRAME = np.deg2rad(-3.0)  # anticlockwise on the screen
-SHIFT_PER_FRAME = 1.5  # mm along x of the hub's plane
-BOARD_TILTS = ((-25.0, 5.0), (6.0, 27.0), (18.0, -20.0))  # deg about x and y, boards 2 to 4
-
-
-@cache
-def paper_camera():
-    """The camera of Table 1, second row, read consistently (see the module's text)."""
-    table = paper.table1().set_index("stage")
-    focal_length, t_z, kappa1 = table.loc["genetic", ["f", "t_z", "kappa1"]]
-    pitch = paper.mm_per_pixel() * focal_length / t_z
-    width, height = paper.image_size()
-    return TsaiCamera(
-        focal_length,
-        pixel_pitch=(pitch, pitch),
-        principal_point=((width - 1) / 2, (height - 1) / 2),
-        image_size=(width, height),
-        kappa1=kappa1,
-    )
-
-
-def paper_pose():
-    """Table 1's pose cam_from_world of the calibration board, its rotation projected on SO(3)."""
-    table = paper.table1().set_index("stage")
-    translation = table.loc["genetic", ["t_x", "t_y", "t_z"]].to_numpy(float)
-    return RigidTransform.from_components(translation, Rotation.from_matrix(paper.table1_rotation()))
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """Truth of the rendered experiment.
-
-    Attributes
-    ----------
-    camera : TsaiCamera
-    board : Checkerboard
-    hub : Hub
-    blur, noise : float
-        px and grey values, of every picture.
-    """
-
-    camera: TsaiCamera
-    board: Checkerboard
-    hub: Hub
-    blur: float = 0.9
-    noise: float = 2.0
-
-    @cached_property
-    def world_from_board(self):
-        """Where the first board lies in the world of Table 1: its middle is then seen near the picture's middle."""
-        return RigidTransform.from_translation(np.array([948.5, -667.1, 0.0]) - self.board.center)
-
-    @cached_property
-    def cam_from_boards(self):
-        """Poses of the five boards: Table 1's; three tilted in other directions; one on the hub's plane."""
-        first = paper_pose() * self.world_from_board
-        middle = first.apply(self.board.center)
-        tilted = []
-        for tilt_x, tilt_y in BOARD_TILTS:
-            rotation = Rotation.from_euler("xy", [tilt_x, tilt_y], degrees=True)
-            tilted.append(RigidTransform.from_components(middle - rotation.apply(self.board.center), rotation))
-        on_hub_plane = self.cam_from_plane * RigidTransform.from_translation([-30.0, -40.0, 0.0])
-        return [first, *tilted, on_hub_plane]
-
-    @cached_property
-    def cam_from_plane(self):
-        """The plane of the peg tops: Table 1's tilt, and in frame 1 the hub's centre where Table 2's pegs put it.
-
-        Its origin is the hub's centre in frame 1, seen in the middle of Table 2's four pegs at a depth of
-        T_z = 267.38 mm (the paper's 0.27 m).
-        """
-        table = paper.table2()
-        middle = table[["x_px", "y_px"]].to_numpy().mean(axis=0)
-        depth = paper.table1().set_index("stage").loc["genetic", "t_z"]
-        return RigidTransform.from_components(depth * self.camera.rays([middle])[0], paper_pose().rotation)
-
-    @cached_property
-    def thetas(self):
-        """(45,) rad: the hub's angle about z in the plane; frame 1 has the direction of Table 2's peg 1."""
-        pegs = paper.table2()[["x_px", "y_px"]].to_numpy()
-        first = np.arctan2(*(pegs[0] - pegs.mean(axis=0))[::-1])
-        return first + TURN_PER_FRAME * np.arange(N_FRAMES)
-
-    @cached_property
-    def shifts(self):
-        """(45,) mm: the hub's position along x of the plane."""
-        return SHIFT_PER_FRAME * np.arange(N_FRAMES)
-
-    @cached_property
-    def cam_from_hubs(self):
-        """(45) poses of the hub."""
-        return [
-            self.cam_from_plane
-            * RigidTransform.from_components([shift, 0, 0], Rotation.from_rotvec([0, 0, theta]))
-            for shift, theta in zip(self.shifts, self.thetas)
-        ]
-
-    def board_image(self, index, *, rng=0):
-        """Render board 0..4; the noise is seeded by `rng` and `index`."""
-        return render_board(
-            self.camera, self.cam_from_boards[index], self.board, blur=self.blur, noise=self.noise, rng=[rng, index]
-        )
-
-    def hub_frame(self, index, *, rng=0, **scene):
-        """Render hub frame 0..44; the noise is seeded by `rng` and `index`, `scene` goes to `render_hub`."""
-        return render_hub(
-            self.camera, self.cam_from_hubs[index], self.hub, blur=self.blur, noise=self.noise, rng=[rng, 100 + index],
-            **scene,
-        )
-
-
-def paper_experiment(**changes):
-    """The `Experiment` with the paper's camera, board and hub; `changes` replace its attributes."""
-    settings = dict(camera=paper_camera(), board=Checkerboard(8, 6, paper.printed("setup.pitch")), hub=Hub())
-    return Experiment(**(settings | changes))
-
-
-# --- Monte Carlo ---------------------------------------------------------------------------------------
-
+from .. import paper
+from ..calibration import calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
+from ..camera import TsaiCamera
+from ..checks import CalibrationError, DetectionError, as_count, as_number
+from ..corners import find_corners
+from ..files import PROJECT_FOLDER, replacing
+from ..paper import Experiment, paper_camera
+from ..render import render_board
+from ..targets import Checkerboard
 
 METHODS = ("tsai", "genetic", "zhang", "joint")
 """Methods of `monte_carlo`; the first two get the first of the views alone, and the true principal point."""

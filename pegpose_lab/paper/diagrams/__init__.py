@@ -1,0 +1,17 @@
+"""The paper's drawn figures (1, 2, 4 and 5), drawn anew from geometry: ``draw_*(ax)`` fills given axes.
+
+The scenes are three-dimensional and projected with the package's own camera, so that what looks like
+perspective is perspective and what looks like distortion is Eq. 3.  Each function says the size in inches
+that its text is set for; `plotting.figure` makes such axes and `plotting.save_figure` writes them.
+ A diagram is one file here; `space` has what they share.
+"""
+
+from .assembly import FRAME_STEPS, draw_assembly, draw_camera_model, draw_orientation, draw_overview
+
+__all__ = [
+    "FRAME_STEPS",
+    "draw_assembly",
+    "draw_camera_model",
+    "draw_orientation",
+    "draw_overview",
+]
