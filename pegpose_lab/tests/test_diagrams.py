@@ -11,19 +11,19 @@ from matplotlib.patches import FancyArrowPatch
 from numpy.testing import assert_allclose
 
 from pegpose_lab.lab import plotting
-from pegpose_lab.paper.diagrams import assembly
+from pegpose_lab.paper.diagrams import assembly, camera_model, orientation, overview, space
 from pegpose_lab.pose import chain
 from pegpose_lab.targets import Hub
 
 
 def draw_orientation(ax):
-    assembly.draw_orientation(ax, Hub(), np.deg2rad(-35.0))
+    orientation.draw_orientation(ax, Hub(), np.deg2rad(-35.0))
 
 
 SIZES = {
     assembly.draw_assembly: (7.0, 4.6),
-    assembly.draw_overview: (7.0, 4.4),
-    assembly.draw_camera_model: (7.0, 4.2),
+    overview.draw_overview: (7.0, 4.4),
+    camera_model.draw_camera_model: (7.0, 4.2),
     draw_orientation: (5.0, 4.9),
 }
 
@@ -62,7 +62,7 @@ def test_same_drawing_twice(draw):
 
 def test_look_at_has_the_target_on_the_axis_and_up_upwards():
     eye, target = np.array([3.0, -50.0, 20.0]), np.array([10.0, 4.0, 2.0])
-    cam_from_world = assembly.look_at(eye, target, (0, 0, 1))
+    cam_from_world = space.look_at(eye, target, (0, 0, 1))
     assert_allclose(cam_from_world.apply(eye), 0, atol=1e-12)
     assert_allclose(cam_from_world.apply(target), [0, 0, np.linalg.norm(target - eye)], atol=1e-12)
     x, y, _ = cam_from_world.apply(target + [0, 0, 1])
@@ -72,7 +72,7 @@ def test_look_at_has_the_target_on_the_axis_and_up_upwards():
 
 @pytest.mark.parametrize("theta", np.deg2rad([-170.0, -90.0, -35.0, 0.0, 20.0, 90.0, 135.0]))
 def test_orientation_draws_theta(theta, axes):
-    line1, line2 = assembly.draw_orientation(axes, Hub(), theta)
+    line1, line2 = orientation.draw_orientation(axes, Hub(), theta)
     (x0, y0), (x1, y1) = line1.get_xydata()
     assert np.arctan2(y1 - y0, x1 - x0) == pytest.approx(theta)
     assert np.hypot(x1 - x0, y1 - y0) == pytest.approx(Hub().pitch_circle_diameter / 2)
@@ -81,7 +81,7 @@ def test_orientation_draws_theta(theta, axes):
 
 
 def test_orientation_is_seen_as_on_the_screen(axes):
-    assembly.draw_orientation(axes, Hub(), 0.3)
+    orientation.draw_orientation(axes, Hub(), 0.3)
     axes.figure.canvas.draw()  # sets the aspect
     assert axes.yaxis_inverted() and not axes.xaxis_inverted()
     places = {text.get_text(): axes.transData.transform(text.get_position()) for text in axes.texts}
@@ -93,18 +93,18 @@ def test_orientation_is_seen_as_on_the_screen(axes):
 
 @pytest.mark.parametrize("n_pegs", [3, 5, 6])
 def test_orientation_of_other_hubs(n_pegs, axes):
-    assembly.draw_orientation(axes, Hub(n_pegs=n_pegs), 0.2)
+    orientation.draw_orientation(axes, Hub(n_pegs=n_pegs), 0.2)
     assert sum(text.get_text().startswith("peg ") for text in axes.texts) == n_pegs
 
 
 @pytest.mark.parametrize("theta", [np.nan, np.inf, "east"])
 def test_orientation_rejects(theta, axes):
     with pytest.raises(ValueError, match="theta"):
-        assembly.draw_orientation(axes, Hub(), theta)
+        orientation.draw_orientation(axes, Hub(), theta)
 
 
 def test_camera_model_obeys_equation_3(axes):
-    drawn = assembly.draw_camera_model(axes)
+    drawn = camera_model.draw_camera_model(axes)
     camera, point = drawn["camera"], drawn["point"]
     x_d, y_d = drawn["distorted"]
     assert_allclose(drawn["undistorted"], drawn["distorted"] * (1 + camera.kappa1 * (x_d**2 + y_d**2)))
@@ -115,7 +115,7 @@ def test_camera_model_obeys_equation_3(axes):
 
 
 def test_camera_model_is_drawn_in_perspective(axes):
-    drawn = assembly.draw_camera_model(axes)
+    drawn = camera_model.draw_camera_model(axes)
     seen = np.append(drawn["undistorted"], drawn["camera"].focal_length)
     origin, image, point = drawn["view"](np.array([np.zeros(3), seen, drawn["point"]]))
     turn = np.linalg.det([image - origin, point - origin])
@@ -147,8 +147,8 @@ def test_assembly_uses_the_names_of_the_pose_module():
 
 
 def test_overview_names_modules_that_exist(axes):
-    assembly.draw_overview(axes)
-    names = " ".join(step[2] for step in assembly.CALIBRATION_STEPS + assembly.FRAME_STEPS).split()
+    overview.draw_overview(axes)
+    names = " ".join(step[2] for step in overview.CALIBRATION_STEPS + overview.FRAME_STEPS).split()
     drawn = " ".join(text.get_text() for text in axes.texts)
     for name in names:
         assert name in drawn

@@ -6,7 +6,10 @@ that its text is set for; `plotting.figure` makes such axes and `plotting.save_f
  A diagram is one file here; `space` has what they share.
 """
 
-from .assembly import FRAME_STEPS, draw_assembly, draw_camera_model, draw_orientation, draw_overview
+from .assembly import draw_assembly
+from .camera_model import draw_camera_model
+from .orientation import draw_orientation
+from .overview import FRAME_STEPS, draw_overview
 
 __all__ = [
     "FRAME_STEPS",
