@@ -62,7 +62,7 @@ QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, me
 @dataclass(frozen=True)
 class Report:
     """Tables of a run: `circles` (`summarize`), `methods`, `sizes` (`measure_sizes`), `joint` (`measure_joint`),
-    `genetic` (`measure_genetic`), `rivals` (`measure_rivals`), `targets` (`judge`)."""
+    `genetic` (`measure_genetic`), `baselines` (`measure_rivals`), `targets` (`judge`)."""
 
     circles: pd.DataFrame
     methods: pd.DataFrame

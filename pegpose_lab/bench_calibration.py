@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from . import paper, rivals, study
+from . import paper, study
 from .bench_circles import one_thread
 from .calibration import calibrate_joint, optimum_in_box
 from .targets import Checkerboard
@@ -57,7 +57,7 @@ def measure_genetic(sets=None, *, seeds=10):
     Parameters
     ----------
     sets : list, optional
-        Views as `rivals.trial_sets` returns, which is the default.
+        Views as `study.trial_sets` returns, which is the default.
     seeds : int
         Seeds 0, 1, ... of both.
 
@@ -65,26 +65,26 @@ def measure_genetic(sets=None, *, seeds=10):
     -------
     DataFrame
         A row a view: ms and de_ms, processor time of both (medians over the seeds, stage 1 included), their ratio (median
-        of the ratios of the same seed); reached and de_reached, the seeds that end within `rivals.REACHED` of the
+        of the ratios of the same seed); reached and de_reached, the seeds that end within `study.REACHED` of the
         optimum of the box, %.
     """
     rows = []
-    for name, *view in tqdm(rivals.trial_sets() if sets is None else sets, unit="view", desc="genetic", disable=None):
+    for name, *view in tqdm(study.trial_sets() if sets is None else sets, unit="view", desc="genetic", disable=None):
         optimum = optimum_in_box(*view).mean_distance
         times, reached = np.empty((2, seeds, 2))
         for seed in range(seeds):
-            for k, method in enumerate((rivals.GENETIC, rivals.DIFFERENTIAL_EVOLUTION)):
+            for k, method in enumerate((study.GENETIC, study.DIFFERENTIAL_EVOLUTION)):
                 start = time.process_time()
-                found, _ = rivals.search(method, *view, seed)
+                found, _ = study.search(method, *view, seed)
                 times[seed, k] = time.process_time() - start
-                reached[seed, k] = found.mean_distance <= optimum + rivals.REACHED
+                reached[seed, k] = found.mean_distance <= optimum + study.REACHED
         ratio = np.median(times[:, 0] / times[:, 1])
         rows.append((name, *1e3 * np.median(times, axis=0), ratio, *100 * reached.mean(axis=0)))
     return pd.DataFrame(rows, columns=["view", "ms", "de_ms", "ratio", "reached", "de_reached"])
 
 
 def measure_rivals(*, repeats=3):
-    """What every method of `rivals.compare` costs on the photographs' corners.
+    """What every method of `study.compare` costs on the photographs' corners.
 
     Parameters
     ----------
@@ -96,8 +96,8 @@ def measure_rivals(*, repeats=3):
     DataFrame
         method, evaluations of the objective (NaN where there is no such thing), ms of processor time (medians).
     """
-    photographs = [view for name, *view in rivals.trial_sets() if name.startswith("left")]
+    photographs = [view for name, *view in study.trial_sets() if name.startswith("left")]
     object_points, image_points, cameras = zip(*photographs, strict=True)
-    tables = [rivals.compare(object_points, image_points, cameras[0], rng=seed) for seed in range(repeats)]
+    tables = [study.compare(object_points, image_points, cameras[0], rng=seed) for seed in range(repeats)]
     middle = pd.concat(tables).groupby("method", sort=False)[["evaluations", "ms"]].median()
     return middle.reset_index()

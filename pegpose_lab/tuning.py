@@ -33,7 +33,7 @@ import pandas as pd
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from . import measured, peers
+from . import peers, study
 from .bench_circles import (
     DISC_COLUMNS,
     MAIN,
@@ -205,12 +205,12 @@ def _best(table):
 # ---- the file ----
 
 
-def load_settings(path=measured.FOLDER / SETTINGS_FILE):
+def load_settings(path=study.FOLDER / SETTINGS_FILE):
     """Read the ranking."""
     return pd.read_csv(path, comment="#")
 
 
-def write_settings(table, folder=measured.FOLDER):
+def write_settings(table, folder=study.FOLDER):
     """Write a ranking below `folder`."""
     scenes = ", ".join(scene.name for scene in MAIN)
     comment = (

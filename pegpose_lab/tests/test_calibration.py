@@ -26,8 +26,8 @@ from pegpose_lab import (
 )
 from pegpose_lab.calibration import TwoStageObjective, repeat_calibration
 from pegpose_lab.calibration.two_stage.objective import kappa1_per_point, kappa1_shared
-from pegpose_lab.measured import load_corners
 from pegpose_lab.paper import paper_experiment, paper_pose
+from pegpose_lab.study import load_corners
 
 EXPERIMENT = paper_experiment()
 CAMERA = EXPERIMENT.camera

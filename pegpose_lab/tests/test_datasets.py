@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pegpose_lab import datasets
+from pegpose_lab.study import datasets
 
 PHOTOGRAPH = bytes(range(256)) * 4
 needs_data = pytest.mark.skipif(not os.environ.get("PEGPOSE_DATA"), reason="PEGPOSE_DATA is not set")

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from pegpose_lab import distances
-from pegpose_lab.distances import GIVEN, count_below, rayleigh_counts, two_stage_counts
 from pegpose_lab.paper import numbers
+from pegpose_lab.study import GIVEN, count_below, distances, rayleigh_counts
+from pegpose_lab.study.distances import two_stage_counts
 
 RATIO = 0.03 / 0.0310
 

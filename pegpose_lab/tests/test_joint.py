@@ -23,9 +23,9 @@ from pegpose_lab.calibration.joint.models import COEFFICIENTS, lens_model
 from pegpose_lab.calibration.joint.starts import find_start
 from pegpose_lab.calibration.joint.views import State, Views, evaluate
 from pegpose_lab.calibration.result import judge_focal_length
-from pegpose_lab.datasets import load_points, read_corners
 from pegpose_lab.paper import paper_experiment
 from pegpose_lab.study import trial_poses
+from pegpose_lab.study.datasets import load_points, read_corners
 
 EXPERIMENT = paper_experiment()
 CAMERA, BOARD = EXPERIMENT.camera, EXPERIMENT.board.object_points

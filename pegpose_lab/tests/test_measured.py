@@ -5,16 +5,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pegpose_lab import calibrate_zhang, checks, measured, segment
+from pegpose_lab import calibrate_zhang, checks, segment
 from pegpose_lab.bench_circles import TOLERANCE
 from pegpose_lab.circles import Circles
-from pegpose_lab.datasets import dataset
 from pegpose_lab.pose import project_discs
+from pegpose_lab.study import circle_counts
+from pegpose_lab.study.datasets import dataset
 
 
 def test_counts_of_real_pictures():
     """One set of defaults: every disc is found where the data sets' counts are certain."""
-    table = measured.load_counts()
+    table = circle_counts.load_counts()
     total = table.groupby("dataset")[["known", "found", "false"]].sum()
     pictures = table.groupby("dataset").size()
     assert pictures.to_dict() == {
@@ -28,12 +29,12 @@ def test_counts_of_real_pictures():
         "opencv-samples": 36,
     }
     assert (total.drop(["visp-mire2-a", "screws4-a"])["false"] == 0).all()
-    assert measured.NEAR == TOLERANCE
+    assert circle_counts.NEAR == TOLERANCE
 
 
 def test_marks_of_the_screws_are_one_block():
     """Their places, by eye, are one pattern, turned, shifted and scaled; bits and order are those of the names."""
-    screws = measured.load_known().query("dataset == 'screws4-a'")
+    screws = circle_counts.load_known().query("dataset == 'screws4-a'")
     assert len(screws) == 48 and screws["r"].between(47, 51).all()
     patterns = {}
     for name, places in screws.groupby("picture"):
@@ -49,22 +50,22 @@ def test_marks_of_the_screws_are_one_block():
 
 def test_presence_bits_of_the_screws():
     """No screw is found where there is none; most of those that are there are found, and the tables agree."""
-    bits = measured.load_bits()
-    known = measured.load_known().query("dataset == 'screws4-a'")
+    bits = circle_counts.load_bits()
+    known = circle_counts.load_known().query("dataset == 'screws4-a'")
     assert list(bits["present"]) == list(known["present"]) and list(bits["picture"]) == list(known["picture"])
     assert len(bits) == 48 and bits["present"].sum() == 27 and set(bits["position"]) == {1, 2, 3, 4}
     assert not bits.query("present == 0")["found"].any() and bits.query("present == 1")["found"].sum() >= 20
     assert (bits["fits"] <= bits["found"]).all()
-    counts = measured.load_counts().query("dataset == 'screws4-a'").set_index("picture")
+    counts = circle_counts.load_counts().query("dataset == 'screws4-a'").set_index("picture")
     seen = bits.query("present == 1").groupby("picture")["fits"].sum()
     assert counts["found"].reindex(seen.index).equals(seen)
-    missed = measured.load_missed().query("dataset == 'screws4-a'")
+    missed = circle_counts.load_missed().query("dataset == 'screws4-a'")
     assert (missed["why"] == "off").sum() == (bits["found"] > bits["fits"]).sum()
 
 
 def test_every_missed_disc_says_why():
     """The words for it; a screw without a candidate steps on less than half of its rim."""
-    missed, counts = measured.load_missed(), measured.load_counts()
+    missed, counts = circle_counts.load_missed(), circle_counts.load_counts()
     assert len(missed) == (counts["known"] - counts["found"]).sum()
     assert set(missed["why"]) <= {"off", "shared", "score", "no candidate"}
     assert missed.query("why == 'no candidate' and dataset == 'screws4-a'")["rim"].max() < 0.5
@@ -89,16 +90,16 @@ def test_why_a_disc_is_missed(monkeypatch, default, highest, alone, alone_highes
         rows = np.empty((0, 3)) if off is None else np.array([[x + off, y, 10.0]])
         return Circles(rows[:, :2], rows[:, 2], np.ones(len(rows)))
 
-    monkeypatch.setattr(measured, "find_circles", search)
+    monkeypatch.setattr(circle_counts, "find_circles", search)
     circles = search(image, (8, 12), polarity="bright")
-    assert measured._why(image, (12.0, 30.0, 10.0), (8, 12), "bright", circles) == why
+    assert circle_counts._why(image, (12.0, 30.0, 10.0), (8, 12), "bright", circles) == why
 
 
 def test_match_takes_ten_per_cent_and_each_circle_once():
     circles = Circles(np.array([[50.0, 50.0], [101.9, 100.0]]), np.array([20.0, 20.0]), np.ones(2))
     places = [(50, 52, 20), (50, 49, 20), (100, 100, 20), (100, 100, 17.9), (104, 100, 20)]
-    assert measured._match(circles, places).tolist() == [0, -1, 1, -1, -1]
-    assert measured._match(circles, places[3:], near=0.2).tolist() == [1, -1]
+    assert circle_counts._match(circles, places).tolist() == [0, -1, 1, -1, -1]
+    assert circle_counts._match(circles, places[3:], near=0.2).tolist() == [1, -1]
 
 
 def test_own_parts_have_the_place_and_the_area_of_a_disc():
@@ -107,15 +108,15 @@ def test_own_parts_have_the_place_and_the_area_of_a_disc():
         cv2.circle(image, (x, 60), 20, 200, cv2.FILLED)
     places = [(50, 60, 20), (150, 60, 20), (175, 60, 20), (250, 60, 20)]
     parts = segment(image)
-    assert len(parts) == 3 and measured._own_parts(parts, places) == 2
-    assert measured._own_parts(parts, [(57, 60, 20), (250, 60, 24.5), (250, 60, 17)]) == 0
+    assert len(parts) == 3 and circle_counts._own_parts(parts, places) == 2
+    assert circle_counts._own_parts(parts, [(57, 60, 20), (250, 60, 24.5), (250, 60, 17)]) == 0
 
 
 def test_parts_of_their_own():
     """Splitting never loses to Otsu's threshold alone, wins in uneven light, and fails when that is too uneven."""
-    parts = measured.load_parts()
+    parts = circle_counts.load_parts()
     assert (parts["segment"] >= parts["otsu"]).all() and (parts["segment"] > parts["otsu"]).sum() == 2
-    assert parts["known"].tolist() == [24, 4, 4, 4, 4] and parts["light"].tolist()[1:] == list(measured.LIGHTS)
+    assert parts["known"].tolist() == [24, 4, 4, 4, 4] and parts["light"].tolist()[1:] == list(circle_counts.LIGHTS)
     assert parts["segment"].tolist() == [24, 4, 4, 4, 2]
 
 
@@ -123,13 +124,13 @@ def test_rim_share_is_the_part_of_the_rim_that_steps():
     image = np.full((100, 100), 60, np.uint8)
     image[:, 50:] = 160
     cv2.circle(image, (50, 50), 20, 160, cv2.FILLED)
-    assert measured.rim_share(image, 50, 50, 20, "bright") == pytest.approx(0.5, abs=0.05)
-    assert measured.rim_share(image, 50, 50, 20, "dark") == 0
+    assert circle_counts.rim_share(image, 50, 50, 20, "bright") == pytest.approx(0.5, abs=0.05)
+    assert circle_counts.rim_share(image, 50, 50, 20, "dark") == 0
 
 
 def test_known_discs_are_what_thresholds_of_cut_outs_show(pegpose_data):
     """Of the sets that were not marked by eye: centroid and sqrt(area / pi) of the part in the middle, holes filled."""
-    known = measured.load_known().query("dataset not in ('screws4-a', 'opencv-samples')")
+    known = circle_counts.load_known().query("dataset not in ('screws4-a', 'opencv-samples')")
     assert len(known) == 184
     for name, picture, x, y, r, _ in known.itertuples(index=False):
         image = cv2.imread(str(dataset(name) / picture), cv2.IMREAD_GRAYSCALE)
@@ -145,16 +146,16 @@ def test_known_discs_are_what_thresholds_of_cut_outs_show(pegpose_data):
 
 
 def test_tables_are_current(pegpose_data):
-    counts, missed = measured.count_circles()
-    pd.testing.assert_frame_equal(counts, measured.load_counts())
-    pd.testing.assert_frame_equal(missed.round(3), measured.load_missed())
-    pd.testing.assert_frame_equal(measured.measure_bits(), measured.load_bits())
-    pd.testing.assert_frame_equal(measured.count_parts(), measured.load_parts())
+    counts, missed = circle_counts.count_circles()
+    pd.testing.assert_frame_equal(counts, circle_counts.load_counts())
+    pd.testing.assert_frame_equal(missed.round(3), circle_counts.load_missed())
+    pd.testing.assert_frame_equal(circle_counts.measure_bits(), circle_counts.load_bits())
+    pd.testing.assert_frame_equal(circle_counts.count_parts(), circle_counts.load_parts())
 
 
 def test_grid_is_current(pegpose_data):
-    names, object_points, image_points = measured.measure_grid()
-    known_points, known_image, size, known_names = measured.load_grid()
+    names, object_points, image_points = circle_counts.measure_grid()
+    known_points, known_image, size, known_names = circle_counts.load_grid()
     assert names == known_names and size == (320, 240)
     np.testing.assert_array_equal(object_points, known_points)
     np.testing.assert_allclose(image_points, known_image, atol=1e-3)
@@ -162,9 +163,9 @@ def test_grid_is_current(pegpose_data):
 
 def test_shift_of_the_ellipse_centres_of_a_real_grid():
     """Heikkila's shift: 0.16 px in the mean and 0.35 px at most on ViSP's photographs, where f moves by 0.6 px."""
-    object_points, image_points, size, _ = measured.load_grid()
+    object_points, image_points, size, _ = circle_counts.load_grid()
     plain = corrected = calibrate_zhang(object_points, image_points, size, radial=1)
-    radii = np.full(36, measured.GRID_RADIUS)
+    radii = np.full(36, circle_counts.GRID_RADIUS)
     for _ in range(3):
         shifts = [
             project_discs(corrected.camera, pose, points, radii)[0] - corrected.camera.project(points, pose)
@@ -186,8 +187,8 @@ def test_grid_of_another_picture_is_refused(tmp_path, monkeypatch, pegpose_data)
     cv2.imwrite(str(tmp_path / "visp_circles" / "circles-01.jpg"), image)
     monkeypatch.setenv("PEGPOSE_DATA", str(tmp_path))
     with pytest.raises(checks.DetectionError, match="36 discs"):
-        measured.measure_grid()
+        circle_counts.measure_grid()
 
 
 def test_sensitivity_is_current(pegpose_data):
-    pd.testing.assert_frame_equal(measured.measure_sensitivity(), measured.load_sensitivity(), rtol=1e-3, atol=1e-2)
+    pd.testing.assert_frame_equal(circle_counts.measure_sensitivity(), circle_counts.load_sensitivity(), rtol=1e-3, atol=1e-2)

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import CalibrationError, OpenCVCamera, TsaiCamera, calibrate_joint, calibrate_zhang
-from pegpose_lab.datasets import load_points
 from pegpose_lab.paper import paper_experiment
+from pegpose_lab.study.datasets import load_points
 
 BOARD = paper_experiment().board.object_points
 SIZE, PITCH = (1600, 1200), 0.0371

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pegpose_lab import calibrate_joint, calibrate_tsai, optimum_in_box, rivals
+from pegpose_lab import calibrate_joint, calibrate_tsai, optimum_in_box
 from pegpose_lab.paper import paper_experiment
-from pegpose_lab.validation import leave_one_out
+from pegpose_lab.study import baselines, ga_success, leave_one_out
 
 TRUTH = paper_experiment()
 BOARD = TRUTH.board.object_points
@@ -18,7 +18,7 @@ def table():
     rng = np.random.default_rng(0)
     images = [TRUTH.camera.project(BOARD, pose) + 0.1 * rng.standard_normal((48, 2)) for pose in TRUTH.cam_from_boards]
     depth = TRUTH.cam_from_boards[0].apply(BOARD.mean(axis=0))[2]
-    found = rivals.compare([BOARD] * 5, images, TRUTH.camera, truth=(TRUTH.camera.focal_length, depth))
+    found = baselines.compare([BOARD] * 5, images, TRUTH.camera, truth=(TRUTH.camera.focal_length, depth))
     return found.set_index("method"), optimum_in_box(BOARD, images[0], TRUTH.camera)
 
 
@@ -43,7 +43,7 @@ def test_all_methods_are_held_out_on_the_same_views():
     rng = np.random.default_rng(2)
     images = [TRUTH.camera.project(BOARD, pose) + 0.1 * rng.standard_normal((48, 2)) for pose in TRUTH.cam_from_boards]
     images[0] += 5 * rng.standard_normal((48, 2))  # a bad first view is judged by no method
-    found = rivals.compare([BOARD] * 5, images, TRUTH.camera).set_index("method")["held_out"]
+    found = baselines.compare([BOARD] * 5, images, TRUTH.camera).set_index("method")["held_out"]
     rows = leave_one_out(lambda *views: calibrate_joint(*views, TRUTH.camera), [BOARD] * 5, images)["mean_distance"]
     assert rows[0] > 3 and found["joint"] == pytest.approx(rows[1:].mean(), rel=1e-9)
     assert np.isnan(found["least squares of one view"]) and found["Zhang (OpenCV), k1"] > 0  # one refuses the bad view
@@ -52,29 +52,29 @@ def test_all_methods_are_held_out_on_the_same_views():
 def test_stage_1_is_run_only_where_a_method_starts_from_it(monkeypatch):
     image = TRUTH.camera.project(BOARD, TRUTH.cam_from_boards[0])
     calls = []
-    monkeypatch.setattr(rivals, "calibrate_tsai", lambda *view: calls.append(1) or calibrate_tsai(*view))
+    monkeypatch.setattr(baselines, "calibrate_tsai", lambda *view: calls.append(1) or calibrate_tsai(*view))
     for name, times in (
-        ("direct linear transform", 0), ("least squares of one view", 0), (rivals.GENETIC, 0), ("linear only", 1),
-        (rivals.DIFFERENTIAL_EVOLUTION, 1),
+        ("direct linear transform", 0), ("least squares of one view", 0), (baselines.GENETIC, 0), ("linear only", 1),
+        (baselines.DIFFERENTIAL_EVOLUTION, 1),
     ):
         calls.clear()
-        rivals.search(name, BOARD, image, TRUTH.camera, 0)
+        baselines.search(name, BOARD, image, TRUTH.camera, 0)
         assert len(calls) == times, name
 
 
 def test_without_a_truth_there_are_no_errors():
     rng = np.random.default_rng(1)
     images = [TRUTH.camera.project(BOARD, pose) + 0.1 * rng.standard_normal((48, 2)) for pose in TRUTH.cam_from_boards]
-    found = rivals.compare([BOARD] * 5, images, TRUTH.camera)
+    found = baselines.compare([BOARD] * 5, images, TRUTH.camera)
     assert found[["f_error", "T_z_error"]].isna().all(axis=None)
 
 
 def test_default_arrives_from_every_seed_on_every_view():
     """Within 1e-4 px of the optimum: the paper's view, five rendered ones and thirteen photographs."""
-    success = rivals.load_success()
-    default = success[success["variant"] == next(iter(rivals.VARIANTS))]
+    success = ga_success.load_success()
+    default = success[success["variant"] == next(iter(ga_success.VARIANTS))]
     assert len(default) == 19 and (default["seeds"] == 100).all() and (default["reached"] == 100).all()
-    assert default["worst_excess"].max() <= rivals.REACHED
+    assert default["worst_excess"].max() <= ga_success.REACHED
 
 
 def test_runs_of_different_views_and_variants_are_independent(monkeypatch):
@@ -85,20 +85,20 @@ def test_runs_of_different_views_and_variants_are_independent(monkeypatch):
         drawn.extend(rng.random() for rng in rngs)
         return [calibrate_tsai(object_points, image_points, camera)]
 
-    monkeypatch.setattr(rivals, "optimum_in_box", calibrate_tsai)
-    monkeypatch.setattr(rivals, "repeat_calibration", repeat)
+    monkeypatch.setattr(ga_success, "optimum_in_box", calibrate_tsai)
+    monkeypatch.setattr(ga_success, "repeat_calibration", repeat)
     image = TRUTH.camera.project(BOARD, TRUTH.cam_from_boards[0])
     sets = [(name, BOARD, image, TRUTH.camera) for name in ("one", "two")]
-    rivals.success_rates(sets, seeds=3, workers=1, progress=False)
-    assert len(drawn) == 2 * len(rivals.VARIANTS) * 3 == len(set(drawn))
+    ga_success.success_rates(sets, seeds=3, workers=1, progress=False)
+    assert len(drawn) == 2 * len(ga_success.VARIANTS) * 3 == len(set(drawn))
 
 
 def test_success_table_is_current():
     """A part of it, made again: three views and two variants with the first seeds."""
-    views = [view for view in rivals.trial_sets() if view[0] in ("paper's view", "rendered view 5", "left02")]
-    variants = list(rivals.VARIANTS)[:2]
-    again = rivals.success_rates(views, variants=variants, seeds=5, workers=1, progress=False)
-    stored = rivals.load_success().set_index(["view", "variant"])
+    views = [view for view in ga_success.trial_sets() if view[0] in ("paper's view", "rendered view 5", "left02")]
+    variants = list(ga_success.VARIANTS)[:2]
+    again = ga_success.success_rates(views, variants=variants, seeds=5, workers=1, progress=False)
+    stored = ga_success.load_success().set_index(["view", "variant"])
     for row in again.itertuples():
         known = stored.loc[(row.view, row.variant)]
         assert row.optimum == pytest.approx(known["optimum"], abs=2e-6)
@@ -111,7 +111,7 @@ def test_written_table_is_read_back(tmp_path, monkeypatch):
         "view": ["v"], "variant": ["a, b"], "optimum": [0.1], "seeds": [2], "reached": [1], "median_excess": [0.0],
         "worst_excess": [0.25],
     })
-    monkeypatch.setattr(rivals, "success_rates", lambda: rows)
-    rivals.write_success(tmp_path)
-    pd.testing.assert_frame_equal(rivals.load_success(tmp_path / rivals.SUCCESS_FILE), rows)
-    assert rivals.COMMAND in (tmp_path / rivals.SUCCESS_FILE).read_text().splitlines()[0]
+    monkeypatch.setattr(ga_success, "success_rates", lambda: rows)
+    ga_success.write_success(tmp_path)
+    pd.testing.assert_frame_equal(ga_success.load_success(tmp_path / ga_success.SUCCESS_FILE), rows)
+    assert ga_success.COMMAND in (tmp_path / ga_success.SUCCESS_FILE).read_text().splitlines()[0]

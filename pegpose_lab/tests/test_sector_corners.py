@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pegpose_lab import sector_corners
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.paper import paper_experiment
+from pegpose_lab.study import sector_corners
 
 
 def test_the_file_is_current():

@@ -5,8 +5,8 @@ import pytest
 
 from pegpose_lab import Calibration, calibrate_joint, calibrate_zhang
 from pegpose_lab.paper import paper_experiment
-from pegpose_lab.study import trial_poses
-from pegpose_lab.validation import coverage, held_out_distances, leave_one_out, radial_profile, sensitivity
+from pegpose_lab.study import coverage, leave_one_out, radial_profile, trial_poses
+from pegpose_lab.study.held_out import held_out_distances, sensitivity
 
 TRUTH = paper_experiment()
 CAMERA, BOARD = TRUTH.camera, TRUTH.board.object_points

@@ -1,32 +1,28 @@
-"""What the package's own methods measured in third-party photographs: data/measured/.
-
-``python3 -m pegpose_lab.measured`` finds the photographs (see `datasets.dataset`) and writes every file anew;
-notebooks read the files, so that they do not need the photographs.
-"""
+"""Discs found and missed in photographs whose discs are known."""
 
 import cv2
 import numpy as np
 import pandas as pd
 
-from . import paper
-from .calibration import calibrate_joint
-from .camera import TsaiCamera
-from .checks import DetectionError
-from .circles import find_circles
-from .corners import find_corners
+from .. import paper
+from ..calibration import calibrate_joint
+from ..camera import TsaiCamera
+from ..checks import DetectionError
+from ..circles import find_circles
+from ..corners import find_corners
+from ..discs import fit_discs
+from ..files import PROJECT_FOLDER, replacing
+from ..render import true_disc
+from ..segmentation import segment
+from ..targets import Checkerboard
 from .datasets import dataset, read_corners, write_corners
-from .discs import fit_discs
-from .files import PROJECT_FOLDER, replacing
-from .render import true_disc
-from .segmentation import segment
-from .targets import Checkerboard
-from .validation import sensitivity
+from .held_out import sensitivity
 
 FOLDER = PROJECT_FOLDER / "data" / "measured"
 CORNERS_FILE = "opencv_left_corners.csv"
 LEFT_BOARD = Checkerboard(columns=9, rows=6, square=30.0)
 LEFT_SIZE = (640, 480)
-COMMAND = "python3 -m pegpose_lab.measured"
+COMMAND = "python3 -m pegpose_lab.study.circle_counts"
 COUNTS_FILE, KNOWN_FILE = "circle_counts.csv", "known_circles.csv"
 SCREWS = ("screws4-a", "*.jpg", (38, 62), "dark")
 SEARCHES = (  # data set, its pictures, radius range (px), polarity; all else is the default
@@ -90,7 +86,7 @@ def _read(path):
 
 
 def measure_sensitivity():
-    """The joint calibration of opencv_left by three detectors, see `validation.sensitivity`.
+    """The joint calibration of opencv_left by three detectors, see `held_out.sensitivity`.
 
     This project's `find_corners`, and `cv2.cornerSubPix` from there with windows of 11 and 23 px.
 

@@ -11,17 +11,17 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from . import paper
-from .calibration import calibrate_genetic
-from .checks import as_choice, as_count, as_number
-from .files import PROJECT_FOLDER, replacing
-from .paper import paper_experiment
+from .. import paper
+from ..calibration import calibrate_genetic
+from ..checks import as_choice, as_count, as_number
+from ..files import PROJECT_FOLDER, replacing
+from ..paper import paper_experiment
 
 GIVEN = ("mean", "rms")
 """What the limit is a multiple of: the mean of the distances (Eq. 7 as printed), or their root mean square."""
 
 TRIALS_FILE = PROJECT_FOLDER / "data" / "measured" / "two_stage_counts.csv"
-COMMAND = "python3 -m pegpose_lab.distances"
+COMMAND = "python3 -m pegpose_lab.study.distances"
 TRIALS = 500
 """Trials of `write_two_stage_counts`."""
 

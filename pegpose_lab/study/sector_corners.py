@@ -8,13 +8,13 @@ corner detectors therefore read its corners from data/measured/sector_corners.cs
 import cv2
 import numpy as np
 
-from .checks import DetectionError
+from ..checks import DetectionError
+from ..files import PROJECT_FOLDER
+from ..paper import paper_experiment
 from .datasets import read_corners, write_corners
-from .files import PROJECT_FOLDER
-from .paper import paper_experiment
 
 FILE = PROJECT_FOLDER / "data" / "measured" / "sector_corners.csv"
-COMMAND = "python3 -m pegpose_lab.sector_corners"
+COMMAND = "python3 -m pegpose_lab.study.sector_corners"
 
 
 def find_sector_corners(index):

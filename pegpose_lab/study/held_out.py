@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pandas as pd
 
-from .calibration import board_pose
-from .camera import OpenCVCamera
-from .checks import CalibrationError, as_count, as_number, as_points
+from ..calibration import board_pose
+from ..camera import OpenCVCamera
+from ..checks import CalibrationError, as_count, as_number, as_points
 
 LEAST_IN_RING = 5
 

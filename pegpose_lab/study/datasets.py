@@ -13,8 +13,8 @@ import numpy as np
 import pandas as pd
 import pooch
 
-from .checks import as_matched_points
-from .files import PROJECT_FOLDER, replacing
+from ..checks import as_matched_points
+from ..files import PROJECT_FOLDER, replacing
 
 REGISTRY = PROJECT_FOLDER / "data" / "datasets.csv"
 _CORNER_COLUMNS = ["view", "i", "X", "Y", "u", "v"]

@@ -1,0 +1,119 @@
+"""The genetic algorithm's trial: its success over many seeds, and its rivals on the same corners and measures.
+
+``python3 -m pegpose_lab.study.ga_success`` writes data/measured/ga_success.csv: how often each variant of the algorithm ends at
+the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photographs.
+"""
+
+from dataclasses import replace
+from zlib import crc32
+
+import numpy as np
+import pandas as pd
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from .. import paper
+from ..calibration import optimum_in_box, repeat_calibration
+from ..camera import TsaiCamera
+from ..corners import find_corners
+from ..files import replacing
+from . import circle_counts
+
+COMMAND = "python3 -m pegpose_lab.study.ga_success"
+SUCCESS_FILE = "ga_success.csv"
+SEEDS = 100
+REACHED = 1e-4  # px above the optimum that count as reaching it
+
+PRINTED = {"genes": "printed", "crossover": "printed", "mutation": "printed"}
+VARIANTS = {
+    "default: Eqs. 9, 10 corrected, genes (m, T_z)": {},
+    "corrected, genes (f, T_z)": {"genes": "printed"},
+    "corrected, genes (f, T_z), Eq. 4": {"genes": "printed", "initialisation": "equal"},
+    "printed, genes (f, T_z)": PRINTED,
+    "printed, genes (f, T_z), Eq. 4": PRINTED | {"initialisation": "equal"},
+}
+"""The genetic algorithm as it is here, and as the paper prints it: options of `calibrate_genetic`."""
+
+
+# --- success over seeds ----------------------------------------------------------------------------------
+
+
+def trial_sets():
+    """The views of the trial: name, object_points, image_points, camera.
+
+    The paper's view is that of Table 1 with exact corners and 0.025 px of noise; the rendered ones have their corners
+    found in the pictures; the real ones are OpenCV's photographs with this project's corners, the principal point in the
+    picture's middle.
+    """
+    truth = paper.paper_experiment()
+    unknown = replace(truth.camera, focal_length=1.0, kappa1=0.0)
+    board = truth.board.object_points
+    world = truth.world_from_board.apply(board)
+    exact = truth.camera.project(world, paper.paper_pose())
+    noise = 0.025 * np.random.default_rng(0).standard_normal(exact.shape)
+    sets = [("paper's view", world, exact + noise, unknown)]
+    sets += [
+        (f"rendered view {k + 1}", board, find_corners(truth.board_image(k), truth.board), unknown) for k in range(5)
+    ]
+    object_points, image_points, (width, height), names = circle_counts.load_corners()
+    camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), (width, height))
+    return sets + [(name, *view, camera) for name, *view in zip(names, object_points, image_points, strict=True)]
+
+
+def success_rates(sets=None, *, variants=tuple(VARIANTS), seeds=SEEDS, workers=2, progress=True):
+    """How many seeds of each variant end within `REACHED` of the optimum of the box, on each view.
+
+    Parameters
+    ----------
+    sets : list, optional
+        As `trial_sets` returns, which is the default.
+    variants : sequence of str
+        Of `VARIANTS`.
+    seeds : int
+        Runs of the algorithm, each with a generator of its own: it is seeded by the names of view and variant, too, so
+        that all runs are independent.
+    workers : int
+        Processes; the numbers do not depend on them.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    DataFrame
+        view, variant, optimum (px), seeds, reached, median_excess and worst_excess (px above the optimum).
+    """
+    sets = trial_sets() if sets is None else sets
+    tasks = [delayed(_success)(*view, variant, seeds) for view in sets for variant in variants]
+    rows = tqdm(Parallel(workers, return_as="generator")(tasks), total=len(tasks), unit="variant", disable=not progress)
+    columns = ["view", "variant", "optimum", "seeds", "reached", "median_excess", "worst_excess"]
+    return pd.DataFrame(list(rows), columns=columns)
+
+
+def _success(name, object_points, image_points, camera, variant, seeds):
+    """A row of `success_rates`."""
+    optimum = optimum_in_box(object_points, image_points, camera).mean_distance
+    key = [crc32(text.encode()) for text in (name, variant)]
+    rngs = [np.random.default_rng([*key, seed]) for seed in range(seeds)]
+    runs = repeat_calibration(object_points, image_points, camera, rngs, **VARIANTS[variant])
+    excess = np.maximum(np.array([run.mean_distance for run in runs]) - optimum, 0)
+    return name, variant, optimum, seeds, int(np.sum(excess <= REACHED)), float(np.median(excess)), float(excess.max())
+
+
+def load_success(path=circle_counts.FOLDER / SUCCESS_FILE):
+    """Read the table of `success_rates`."""
+    return pd.read_csv(path, comment="#")
+
+
+# --- rivals ------------------------------------------------------------------------------------------------
+
+
+def write_success(folder=circle_counts.FOLDER):
+    """Write the table of `success_rates` below `folder`."""
+    table = success_rates().round({"optimum": 6, "median_excess": 6, "worst_excess": 6})
+    with replacing(folder / SUCCESS_FILE) as path:
+        comment = f"# seeds that end within {REACHED:g} px of the optimum of the box (Eq. 7, px); made by: {COMMAND}\n"
+        path.write_text(comment + table.to_csv(index=False, lineterminator="\n"), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_success()
