@@ -5,21 +5,13 @@ in the table of `baselines`.
 """
 
 from .baselines import DIFFERENTIAL_EVOLUTION, GENETIC, compare, search
-from .circle_counts import (
-    FOLDER,
-    GRID_RADIUS,
-    load_bits,
-    load_corners,
-    load_counts,
-    load_grid,
-    load_missed,
-    load_parts,
-    load_sensitivity,
-)
+from .circle_counts import load_bits, load_counts, load_missed
 from .distances import GIVEN, count_below, load_two_stage_counts, printed_ratio, rayleigh_counts
 from .ga_success import REACHED, VARIANTS, load_success, trial_sets
 from .held_out import coverage, leave_one_out, radial_profile
+from .photographs import FOLDER, GRID_RADIUS, load_corners, load_grid, load_sensitivity
 from .sector_corners import load_sector_corners
+from .segmented_parts import load_parts
 from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses
 
 __all__ = [

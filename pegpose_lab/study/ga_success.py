@@ -17,7 +17,7 @@ from ..calibration import optimum_in_box, repeat_calibration
 from ..camera import TsaiCamera
 from ..corners import find_corners
 from ..files import replacing
-from . import circle_counts
+from . import photographs
 
 COMMAND = "python3 -m pegpose_lab.study.ga_success"
 SUCCESS_FILE = "ga_success.csv"
@@ -55,7 +55,7 @@ def trial_sets():
     sets += [
         (f"rendered view {k + 1}", board, find_corners(truth.board_image(k), truth.board), unknown) for k in range(5)
     ]
-    object_points, image_points, (width, height), names = circle_counts.load_corners()
+    object_points, image_points, (width, height), names = photographs.load_corners()
     camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), (width, height))
     return sets + [(name, *view, camera) for name, *view in zip(names, object_points, image_points, strict=True)]
 
@@ -99,7 +99,7 @@ def _success(name, object_points, image_points, camera, variant, seeds):
     return name, variant, optimum, seeds, int(np.sum(excess <= REACHED)), float(np.median(excess)), float(excess.max())
 
 
-def load_success(path=circle_counts.FOLDER / SUCCESS_FILE):
+def load_success(path=photographs.FOLDER / SUCCESS_FILE):
     """Read the table of `success_rates`."""
     return pd.read_csv(path, comment="#")
 
@@ -107,7 +107,7 @@ def load_success(path=circle_counts.FOLDER / SUCCESS_FILE):
 # --- rivals ------------------------------------------------------------------------------------------------
 
 
-def write_success(folder=circle_counts.FOLDER):
+def write_success(folder=photographs.FOLDER):
     """Write the table of `success_rates` below `folder`."""
     table = success_rates().round({"optimum": 6, "median_excess": 6, "worst_excess": 6})
     with replacing(folder / SUCCESS_FILE) as path:

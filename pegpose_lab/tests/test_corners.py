@@ -18,7 +18,7 @@ from pegpose_lab.corners.whole_board import check_ends, check_fields
 from pegpose_lab.paper import paper_experiment
 from pegpose_lab.render import render_board
 from pegpose_lab.render.board import BoardLook
-from pegpose_lab.study import circle_counts
+from pegpose_lab.study import measured, photographs
 from pegpose_lab.targets import Checkerboard
 
 CAMERA = TsaiCamera(50.0, (0.075, 0.075), (319.5, 239.5), (640, 480), kappa1=1e-5)
@@ -415,7 +415,7 @@ def test_noise_gives_no_board(height, width, seed):
 
 
 def test_committed_corners_calibrate_well():
-    object_points, image_points, size, names = circle_counts.load_corners()
+    object_points, image_points, size, names = photographs.load_corners()
     assert len(names) == 13 and size == (640, 480) and names[0] == "left01"
     assert all(len(points) == 54 for points in object_points + image_points)
     objects = [points.astype(np.float32) for points in object_points]
@@ -426,11 +426,11 @@ def test_committed_corners_calibrate_well():
 
 
 def test_committed_corners_are_current(pegpose_data, tmp_path):
-    circle_counts.write_measured(tmp_path)
-    committed = circle_counts.FOLDER / circle_counts.CORNERS_FILE
-    headers = [path.read_text().splitlines()[:2] for path in (tmp_path / circle_counts.CORNERS_FILE, committed)]
+    measured.write_measured(tmp_path)
+    committed = photographs.FOLDER / photographs.CORNERS_FILE
+    headers = [path.read_text().splitlines()[:2] for path in (tmp_path / photographs.CORNERS_FILE, committed)]
     assert headers[0] == headers[1]
-    now, then = circle_counts.load_corners(tmp_path / circle_counts.CORNERS_FILE), circle_counts.load_corners()
+    now, then = photographs.load_corners(tmp_path / photographs.CORNERS_FILE), photographs.load_corners()
     assert now[2:] == then[2:]
     np.testing.assert_array_equal(now[0], then[0])
     np.testing.assert_allclose(now[1], then[1], atol=1e-3)

@@ -9,7 +9,7 @@ from pegpose_lab import calibrate_zhang, checks, segment
 from pegpose_lab.bench_circles import TOLERANCE
 from pegpose_lab.circles import Circles
 from pegpose_lab.pose import project_discs
-from pegpose_lab.study import circle_counts
+from pegpose_lab.study import circle_counts, photographs, segmented_parts
 from pegpose_lab.study.datasets import dataset
 
 
@@ -91,6 +91,7 @@ def test_why_a_disc_is_missed(monkeypatch, default, highest, alone, alone_highes
         return Circles(rows[:, :2], rows[:, 2], np.ones(len(rows)))
 
     monkeypatch.setattr(circle_counts, "find_circles", search)
+    monkeypatch.setattr(photographs, "find_circles", search)
     circles = search(image, (8, 12), polarity="bright")
     assert circle_counts._why(image, (12.0, 30.0, 10.0), (8, 12), "bright", circles) == why
 
@@ -108,15 +109,15 @@ def test_own_parts_have_the_place_and_the_area_of_a_disc():
         cv2.circle(image, (x, 60), 20, 200, cv2.FILLED)
     places = [(50, 60, 20), (150, 60, 20), (175, 60, 20), (250, 60, 20)]
     parts = segment(image)
-    assert len(parts) == 3 and circle_counts._own_parts(parts, places) == 2
-    assert circle_counts._own_parts(parts, [(57, 60, 20), (250, 60, 24.5), (250, 60, 17)]) == 0
+    assert len(parts) == 3 and segmented_parts._own_parts(parts, places) == 2
+    assert segmented_parts._own_parts(parts, [(57, 60, 20), (250, 60, 24.5), (250, 60, 17)]) == 0
 
 
 def test_parts_of_their_own():
     """Splitting never loses to Otsu's threshold alone, wins in uneven light, and fails when that is too uneven."""
-    parts = circle_counts.load_parts()
+    parts = segmented_parts.load_parts()
     assert (parts["segment"] >= parts["otsu"]).all() and (parts["segment"] > parts["otsu"]).sum() == 2
-    assert parts["known"].tolist() == [24, 4, 4, 4, 4] and parts["light"].tolist()[1:] == list(circle_counts.LIGHTS)
+    assert parts["known"].tolist() == [24, 4, 4, 4, 4] and parts["light"].tolist()[1:] == list(segmented_parts.LIGHTS)
     assert parts["segment"].tolist() == [24, 4, 4, 4, 2]
 
 
@@ -150,12 +151,12 @@ def test_tables_are_current(pegpose_data):
     pd.testing.assert_frame_equal(counts, circle_counts.load_counts())
     pd.testing.assert_frame_equal(missed.round(3), circle_counts.load_missed())
     pd.testing.assert_frame_equal(circle_counts.measure_bits(), circle_counts.load_bits())
-    pd.testing.assert_frame_equal(circle_counts.count_parts(), circle_counts.load_parts())
+    pd.testing.assert_frame_equal(segmented_parts.count_parts(), segmented_parts.load_parts())
 
 
 def test_grid_is_current(pegpose_data):
-    names, object_points, image_points = circle_counts.measure_grid()
-    known_points, known_image, size, known_names = circle_counts.load_grid()
+    names, object_points, image_points = photographs.measure_grid()
+    known_points, known_image, size, known_names = photographs.load_grid()
     assert names == known_names and size == (320, 240)
     np.testing.assert_array_equal(object_points, known_points)
     np.testing.assert_allclose(image_points, known_image, atol=1e-3)
@@ -163,9 +164,9 @@ def test_grid_is_current(pegpose_data):
 
 def test_shift_of_the_ellipse_centres_of_a_real_grid():
     """Heikkila's shift: 0.16 px in the mean and 0.35 px at most on ViSP's photographs, where f moves by 0.6 px."""
-    object_points, image_points, size, _ = circle_counts.load_grid()
+    object_points, image_points, size, _ = photographs.load_grid()
     plain = corrected = calibrate_zhang(object_points, image_points, size, radial=1)
-    radii = np.full(36, circle_counts.GRID_RADIUS)
+    radii = np.full(36, photographs.GRID_RADIUS)
     for _ in range(3):
         shifts = [
             project_discs(corrected.camera, pose, points, radii)[0] - corrected.camera.project(points, pose)
@@ -187,8 +188,8 @@ def test_grid_of_another_picture_is_refused(tmp_path, monkeypatch, pegpose_data)
     cv2.imwrite(str(tmp_path / "visp_circles" / "circles-01.jpg"), image)
     monkeypatch.setenv("PEGPOSE_DATA", str(tmp_path))
     with pytest.raises(checks.DetectionError, match="36 discs"):
-        circle_counts.measure_grid()
+        photographs.measure_grid()
 
 
 def test_sensitivity_is_current(pegpose_data):
-    pd.testing.assert_frame_equal(circle_counts.measure_sensitivity(), circle_counts.load_sensitivity(), rtol=1e-3, atol=1e-2)
+    pd.testing.assert_frame_equal(photographs.measure_sensitivity(), photographs.load_sensitivity(), rtol=1e-3, atol=1e-2)
