@@ -9,9 +9,8 @@ from pathlib import Path
 import pandas as pd
 
 from .. import paper
-from ..bench_circles import TARGET_NOISE
+from ..bench import OURS, REFERENCE, TARGET_NOISE
 from ..paper import claims
-from ..peers import OURS, REFERENCE
 from . import results
 
 

@@ -9,7 +9,10 @@ import pandas as pd
 import pytest
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab import bench, bench_circles, peers
+from pegpose_lab import bench
+from pegpose_lab.bench import FULL, QUICK, detectors, score, to_text, write
+from pegpose_lab.bench import report as report_file
+from pegpose_lab.bench.report import Report, judge, load, readme_is_current
 from pegpose_lab.lab import environment, installers
 
 # ---- report ----
@@ -18,26 +21,26 @@ from pegpose_lab.lab import environment, installers
 def _report(**changes):
     """A report of one row for each scene, at the targets, or with changes."""
     row = {
-        "noise": 5, "method": peers.OURS, "frames": 200, "ms": 5.0, "time_ratio": 1.0, "detection": 100.0,
+        "noise": 5, "method": detectors.OURS, "frames": 200, "ms": 5.0, "time_ratio": 1.0, "detection": 100.0,
         "false_positives": 0.0, "center": 1.05, "center_rms": 1.1, "radius": 1.2, "radius_rms": 1.3,
         "visible": 100.0, "arc_bound": 1.0, "center_arc": 1.0, "radius_arc": 1.0, "center_sd": 1.0,
         "radius_sd": 1.0, "coverage": 95.0,
     }  # fmt: skip
-    circles = pd.DataFrame([{"scene": scene.name} | row | changes for scene in bench_circles.SCENES])
+    circles = pd.DataFrame([{"scene": scene.name} | row | changes for scene in score.SCENES])
     methods = pd.DataFrame(
-        {"method": [peers.OURS, "EdgeDrawing"], "memory_mb": [99.0, np.nan], "missing": ["", "not installed"]}
+        {"method": [detectors.OURS, "EdgeDrawing"], "memory_mb": [99.0, np.nan], "missing": ["", "not installed"]}
     )
-    sizes = pd.DataFrame({"megapixels": [0.5, 20.0], "method": peers.OURS, "ms": [1.0, 40.0]})
+    sizes = pd.DataFrame({"megapixels": [0.5, 20.0], "method": detectors.OURS, "ms": [1.0, 40.0]})
     joint = pd.DataFrame({"views": [13, 200], "ms": [20.0, 300.0], "opencv_ms": 10.0, "ratio": 3.0})
     joint["rms_difference"] = 0.0
     genetic = pd.DataFrame({"view": ["paper's view", "left01", "left02"], "ms": 50.0, "de_ms": 25.0, "ratio": [2.0, 1.0, 3.0]})
     genetic = genetic.assign(reached=100.0, de_reached=[100.0, 100.0, 90.0])
     tables = circles, methods, sizes, joint, genetic
     rivals = pd.DataFrame({"method": ["linear only", "GA"], "evaluations": [np.nan, 6060.0], "ms": [1.0, 50.0]})
-    return bench.Report(*tables, rivals, bench.judge(*tables))
+    return Report(*tables, rivals, judge(*tables))
 
 
-EVERY_SCENE = [scene.name for scene in bench_circles.SCENES]
+EVERY_SCENE = [scene.name for scene in score.SCENES]
 
 
 def test_targets_are_met_at_their_limits():
@@ -74,7 +77,7 @@ def test_honesty_is_judged_at_the_worst_noise():
     report = _report()
     quiet = report.circles.assign(noise=1, center_sd=1.2, coverage=92.0)
     tables = report.methods, report.sizes, report.joint, report.genetic
-    missed = bench.judge(pd.concat([report.circles, quiet]), *tables).query("met == 'no'")
+    missed = judge(pd.concat([report.circles, quiet]), *tables).query("met == 'no'")
     assert missed["scene"].tolist() == ["clean"] * 2 + ["tilt"] * 2 + EVERY_SCENE[2:]
     assert missed["measured"].isin([1.2, 92.0]).all()
 
@@ -83,7 +86,7 @@ def _judged(report, **changes):
     """Whether the aims that are no scene's are met: worst noise, memory, growth, joint's two, genetic's two."""
     report = replace(report, **changes)
     names = ("circles", "methods", "sizes", "joint", "genetic")
-    return bench.judge(*(getattr(report, name) for name in names))["met"].tolist()[-7:]
+    return judge(*(getattr(report, name) for name in names))["met"].tolist()[-7:]
 
 
 def test_what_belongs_to_no_scene_is_judged():
@@ -99,29 +102,29 @@ def test_what_belongs_to_no_scene_is_judged():
 def test_report_is_written_whole_and_read_back(tmp_path):
     readme, report = tmp_path / "README.md", _report()
     readme.write_text("above\n<!-- bench:begin -->\nbefore the run\n<!-- bench:end -->\nbelow\n")
-    bench.write(report, tmp_path / "results", readme)
+    write(report, tmp_path / "results", readme)
     text = readme.read_text()
     assert text.startswith("above\n<!-- bench:begin -->\n") and text.endswith("<!-- bench:end -->\nbelow\n")
     assert "| 2 photographs | 50 | 25 | 2 | 100 | 90 |" in text and "| linear only |  | 1 |" in text
     assert "before the run" not in text and "EdgeDrawing: not measured, not installed." in text and "1.05" in text
-    assert bench.readme_is_current(readme, tmp_path / "results")
+    assert readme_is_current(readme, tmp_path / "results")
     tables = ("circles", "methods", "sizes", "joint", "genetic", "rivals", "targets")
     names = {f"bench_{name}.{kind}" for name in tables for kind in ("csv", "tex")}
     assert {path.name for path in (tmp_path / "results").iterdir()} == names
-    pd.testing.assert_frame_equal(bench.load(tmp_path / "results").circles, report.circles)
-    bench.write(replace(report, circles=report.circles.assign(ms=6.0)), tmp_path / "results")
-    assert not bench.readme_is_current(readme, tmp_path / "results")
+    pd.testing.assert_frame_equal(load(tmp_path / "results").circles, report.circles)
+    write(replace(report, circles=report.circles.assign(ms=6.0)), tmp_path / "results")
+    assert not readme_is_current(readme, tmp_path / "results")
 
 
 def test_committed_readme_shows_the_committed_results():
     checkout = environment.CHECKOUT
-    assert bench.readme_is_current(checkout / "data" / "results" / "README.md", checkout / "data" / "results")
+    assert readme_is_current(checkout / "data" / "results" / "README.md", checkout / "data" / "results")
 
 
 def test_report_as_text_counts_the_aims():
-    text = bench.to_text(_report())
+    text = to_text(_report())
     assert text.endswith("45 of 45 aims met.")
-    assert json.loads(text.splitlines()[0])["opencv"] == bench.cv2.__version__
+    assert json.loads(text.splitlines()[0])["opencv"] == report_file.cv2.__version__
 
 
 # ---- the command ----
@@ -142,12 +145,12 @@ def command(monkeypatch, tmp_path):
 
 
 def test_quick_run_writes_nothing(command, tmp_path, capsys):
-    assert command("--quick") == (0, bench.QUICK)
+    assert command("--quick") == (0, QUICK)
     assert list(tmp_path.iterdir()) == [] and "aims met" in capsys.readouterr().out
 
 
 def test_full_run_is_written_into_place(command, tmp_path):
-    assert command("--output", str(tmp_path / "elsewhere")) == (0, bench.FULL)
+    assert command("--output", str(tmp_path / "elsewhere")) == (0, FULL)
     assert (tmp_path / "elsewhere" / "data" / "results" / "bench_circles.csv").exists()
 
 
@@ -192,15 +195,15 @@ def test_bench_goes_on_without_what_cannot_be_installed(installs, monkeypatch, c
 
 def test_optional_group_has_the_peers():
     names = [requirement.split(">")[0] for requirement in environment._bench_group()]
-    packages = {method.package for method in peers.METHODS.values()}
+    packages = {method.package for method in detectors.METHODS.values()}
     assert set(names) == packages - {"pegpose_lab", "opencv-python-headless", "opencv-contrib-python-headless"}
 
 
 def test_no_module_but_the_benchmark_knows_the_peers():
     package = environment.CHECKOUT / "pegpose_lab"
     users = {
-        path.stem for path in package.glob("*.py")
+        path.parent.name for path in package.rglob("*.py") if "tests" not in path.parts
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.ImportFrom) and "peers" in [alias.name for alias in node.names]
     }
-    assert users == {"bench", "bench_circles", "tuning"}
+    assert users == {"bench"}

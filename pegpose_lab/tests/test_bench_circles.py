@@ -9,25 +9,26 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
 
-from pegpose_lab import bench_circles, fit_discs, peers
+from pegpose_lab import fit_discs
+from pegpose_lab.bench import detectors, score
 from pegpose_lab.lab import environment, plotting
 from pegpose_lab.render import TrueDisc, raycast
 from pegpose_lab.tests.discs import center_bound, draw_ellipses, to_uint8
 
-CLEAN, TILT, HIGHLIGHTS, CLUTTER, *_ = bench_circles.SCENES
+CLEAN, TILT, HIGHLIGHTS, CLUTTER, *_ = score.SCENES
 FAST = ("ours", "HoughCircles GRADIENT", "SimpleBlobDetector", "contours + fitEllipse")
 
 
 @pytest.fixture(scope="module")
 def frames():
     """One frame of each of the four scenes."""
-    return {scene.name: bench_circles.draw_frame(scene, 0) for scene in (CLEAN, TILT, HIGHLIGHTS, CLUTTER)}
+    return {scene.name: score.draw_frame(scene, 0) for scene in (CLEAN, TILT, HIGHLIGHTS, CLUTTER)}
 
 
 @pytest.fixture(scope="module")
 def measured():
     """Two clean frames, two levels of noise."""
-    return bench_circles.measure({CLEAN: (2, (1, 5))}, FAST, workers=1)
+    return score.measure({CLEAN: (2, (1, 5))}, FAST, workers=1)
 
 
 # ---- frames and bounds ----
@@ -38,14 +39,14 @@ def test_frames_are_what_their_scene_says(frames):
     for name, frame in frames.items():
         assert frame.picture.dtype == np.float32 and frame.picture.shape == (1200, 1600)
         assert [disc.peg for disc in frame.discs] == [1, 2, 3, 4, 0, 0, 0]
-        low, high = bench_circles.RADIUS_RANGE
+        low, high = score.RADIUS_RANGE
         assert [low <= radius <= high for radius in radii[name]] == [True] * 4 + [False] * 3
-        assert bench_circles.BLUR[0] ** 2 < frame.edge_width**2 - 1 / 12 < bench_circles.BLUR[1] ** 2
+        assert score.BLUR[0] ** 2 < frame.edge_width**2 - 1 / 12 < score.BLUR[1] ** 2
     assert np.ptp(radii["clean"][:4]) < 1.5 < np.ptp(radii["tilt"][:4])
 
 
 def test_frames_are_the_same_every_time_and_no_two_are_alike(frames):
-    again, other = bench_circles.draw_frame(CLEAN, 0), bench_circles.draw_frame(CLEAN, 1)
+    again, other = score.draw_frame(CLEAN, 0), score.draw_frame(CLEAN, 1)
     assert (again.picture == frames["clean"].picture).all()
     assert (other.picture != again.picture).any()
     assert (frames["tilt"].picture != again.picture).any()
@@ -59,7 +60,7 @@ def test_bound_is_the_information_in_a_drawn_disc():
         pictures = [draw_ellipses((101, 101), [disc], oversample=8) for disc in discs]
         slope = (pictures[1] - pictures[0]) / (2 * step)
         information.append((slope**2).sum() / (5**2 + 1 / 12))
-    bound = bench_circles.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
+    bound = score.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
     assert_allclose(1 / np.sqrt(information), [bound, bound / np.sqrt(2)], rtol=0.02)
     assert_allclose(bound, center_bound(30, 100, 0.9, 5))
 
@@ -71,7 +72,7 @@ def test_fits_of_drawn_discs_reach_the_bound():
         x, y = 50 + rng.uniform(-0.5, 0.5, 2)
         image = to_uint8(draw_ellipses((101, 101), [(x, y, 30, 30, 0)]), 5, rng)
         discs = fit_discs(image, SimpleNamespace(centers=[[50.0, 50.0]], radii=[30.0]))
-        bound = bench_circles.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
+        bound = score.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
         errors.append(np.append(discs.centers[0] - [x, y], (discs.radii[0] - 30) * np.sqrt(2)) / bound)
     assert 0.8 < np.sqrt(np.mean(np.square(errors))) < 1.25
 
@@ -98,7 +99,7 @@ def test_bound_of_an_arc_is_that_of_a_fit_to_it():
     """A simulated fit of centre, radius and shape to noisy edge points of three quarters of a circle."""
     t, outline = _circle_points()
     visible = np.abs(t - np.pi) < 0.75 * np.pi
-    share, arc = bench_circles._arc_shape(visible, outline)
+    share, arc = score._arc_shape(visible, outline)
     assert_allclose(share, 0.75, atol=0.01)
     design = np.column_stack([np.cos(t), np.sin(t), np.ones_like(t), np.cos(2 * t), np.sin(2 * t)])
     noise = np.random.default_rng(0).normal(size=(len(t), 4000))
@@ -109,8 +110,8 @@ def test_bound_of_an_arc_is_that_of_a_fit_to_it():
 
 def test_bound_of_too_short_an_arc_is_infinite():
     t, outline = _circle_points()
-    assert np.isinf(bench_circles._arc_shape(t < 0.2, outline)[1]).all()
-    assert np.isinf(bench_circles._arc_shape(np.zeros(len(t), bool), outline)[1]).all()
+    assert np.isinf(score._arc_shape(t < 0.2, outline)[1]).all()
+    assert np.isinf(score._arc_shape(np.zeros(len(t), bool), outline)[1]).all()
 
 
 # ---- scores ----
@@ -119,13 +120,13 @@ def test_bound_of_too_short_an_arc_is_infinite():
 def _frame(*discs):
     """A frame with discs x, y, radius; the first two are pegs."""
     truths = [TrueDisc(np.array([x, y]), np.pi * r * r, r) for x, y, r in discs]
-    made = [bench_circles.Disc(t, k + 1 if k < 2 else 0, 1.0, np.array([1.5, 1.5, 2.0])) for k, t in enumerate(truths)]
-    return bench_circles.Frame(None, made, 100.0, 1.0)
+    made = [score.Disc(t, k + 1 if k < 2 else 0, 1.0, np.array([1.5, 1.5, 2.0])) for k, t in enumerate(truths)]
+    return score.Frame(None, made, 100.0, 1.0)
 
 
 def _found(rows, sigmas=None):
     rows = np.reshape(rows, (-1, 3)).astype(float)
-    return peers.Found(rows[:, :2], rows[:, 2], sigmas)
+    return detectors.Found(rows[:, :2], rows[:, 2], sigmas)
 
 
 FRAME = _frame((100, 100, 50), (300, 100, 50), (500, 100, 80), (200, 300, 45))
@@ -134,7 +135,7 @@ FRAME = _frame((100, 100, 50), (300, 100, 50), (500, 100, 80), (200, 300, 45))
 def test_score_counts_each_disc_once_and_the_rest_as_false():
     wrong = [(300, 100, 56), (700, 700, 50), (500, 100, 58)]
     found = _found([(101, 100, 50), (100, 100, 49.5), *wrong, (204, 300, 45)])
-    rows, false_positives = bench_circles.score(FRAME, found, 5)
+    rows, false_positives = score.score(FRAME, found, 5)
     assert [row[:2] for row in rows] == [(1, True), (2, False), (0, True)]  # the bore (80 px) is not expected
     assert_allclose(rows[0][4:6], 0, atol=1e-12)  # the nearer of two
     assert false_positives == 4
@@ -142,46 +143,46 @@ def test_score_counts_each_disc_once_and_the_rest_as_false():
 
 @pytest.mark.parametrize("offset", [(5.1, 0, 0), (0, 0, 5.1), (0, 0, -5.1), (-3.7, 3.7, 0)])
 def test_what_is_off_by_more_than_a_tenth_is_not_detected(offset):
-    rows, false_positives = bench_circles.score(FRAME, _found([np.add((100, 100, 50), offset)]), 5)
+    rows, false_positives = score.score(FRAME, _found([np.add((100, 100, 50), offset)]), 5)
     assert not rows[0][1] and false_positives == 1
-    rows, false_positives = bench_circles.score(FRAME, _found([np.add((100, 100, 50), np.multiply(offset, 0.9))]), 5)
+    rows, false_positives = score.score(FRAME, _found([np.add((100, 100, 50), np.multiply(offset, 0.9))]), 5)
     assert rows[0][1] and false_positives == 0
 
 
 def test_errors_are_divided_by_bound_arc_bound_and_sigma():
     sigmas = np.array([[0.1, 0.2, 0.4]])
-    rows, _ = bench_circles.score(FRAME, _found([(100.2, 100.2, 50.2)], sigmas), 5)
-    bound = bench_circles.center_bound(50, 100, 1.0, 5)
+    rows, _ = score.score(FRAME, _found([(100.2, 100.2, 50.2)], sigmas), 5)
+    bound = score.center_bound(50, 100, 1.0, 5)
     peg, found, visible, arc, *errors = rows[0]
     assert (peg, found, visible, arc) == (1, True, 1.0, 1.5)
     ratios = np.array([1, 1, np.sqrt(2)]) * 0.2 / bound
     assert_allclose(errors, [*ratios, *ratios / [1.5, 1.5, 2], 2, 1, 0.5], rtol=1e-6)
-    rows, _ = bench_circles.score(FRAME, _found([(100.2, 100.2, 50.2)]), 5)
+    rows, _ = score.score(FRAME, _found([(100.2, 100.2, 50.2)]), 5)
     assert np.isnan(rows[0][-3:]).all()
 
 
 def test_nothing_found_is_scored_without_a_warning():
-    rows, false_positives = bench_circles.score(FRAME, _found([]), 5)
+    rows, false_positives = score.score(FRAME, _found([]), 5)
     assert [row[1] for row in rows] == [False] * 3 and false_positives == 0
-    table = bench_circles.summarize(
-        pd.DataFrame([("clean", 5, 0, peers.OURS, 0.01, 0)], columns=bench_circles.FRAME_COLUMNS),
-        pd.DataFrame([("clean", 5, 0, peers.OURS, *row) for row in rows], columns=bench_circles.DISC_COLUMNS),
+    table = score.summarize(
+        pd.DataFrame([("clean", 5, 0, detectors.OURS, 0.01, 0)], columns=score.FRAME_COLUMNS),
+        pd.DataFrame([("clean", 5, 0, detectors.OURS, *row) for row in rows], columns=score.DISC_COLUMNS),
     )
     assert table["detection"][0] == 0 and table[["center", "center_rms", "coverage"]].isna().all(axis=None)
 
 
 def test_statistics_of_normal_errors():
     values = np.random.default_rng(1).normal(size=200_000)
-    assert_allclose([bench_circles._rms(values), bench_circles._robust_rms(values), bench_circles._spread(values)], 1, atol=0.01)
-    assert_allclose(bench_circles._coverage(values), 95, atol=0.2)
-    assert np.isnan(bench_circles._coverage(np.full(3, np.nan)))
+    assert_allclose([score._rms(values), score._robust_rms(values), score._spread(values)], 1, atol=0.01)
+    assert_allclose(score._coverage(values), 95, atol=0.2)
+    assert np.isnan(score._coverage(np.full(3, np.nan)))
 
 
 def test_time_ratio_is_that_of_the_same_frame():
     rows = [("clean", 5, k, name, seconds, 0) for k in range(5) for name, seconds in
-            ((peers.OURS, 0.03 * 10**k), (peers.REFERENCE, 0.01 * 10**k))]  # fmt: skip
-    frames = pd.DataFrame(rows, columns=bench_circles.FRAME_COLUMNS)
-    table = bench_circles.summarize(frames, pd.DataFrame([], columns=bench_circles.DISC_COLUMNS).astype({"found": bool}))
+            ((detectors.OURS, 0.03 * 10**k), (detectors.REFERENCE, 0.01 * 10**k))]  # fmt: skip
+    frames = pd.DataFrame(rows, columns=score.FRAME_COLUMNS)
+    table = score.summarize(frames, pd.DataFrame([], columns=score.DISC_COLUMNS).astype({"found": bool}))
     assert_allclose(table["time_ratio"], [3, 1])
     assert_allclose(table["ms"], [3000, 1000])
 
@@ -189,13 +190,13 @@ def test_time_ratio_is_that_of_the_same_frame():
 # ---- methods ----
 
 
-@pytest.mark.parametrize("name", [n for n, m in peers.METHODS.items() if m.module == "cv2" or m.share == 1])
+@pytest.mark.parametrize("name", [n for n, m in detectors.METHODS.items() if m.module == "cv2" or m.share == 1])
 def test_every_fast_method_finds_the_clean_pegs(name, frames):
-    method = peers.METHODS[name]
-    if peers.missing(method):
-        pytest.skip(peers.missing(method))
-    found, seconds = peers.run(method, raycast.expose(frames["clean"].picture, 2, 0), bench_circles.RADIUS_RANGE)
-    rows, false_positives = bench_circles.score(frames["clean"], found, 2)
+    method = detectors.METHODS[name]
+    if detectors.missing(method):
+        pytest.skip(detectors.missing(method))
+    found, seconds = detectors.run(method, raycast.expose(frames["clean"].picture, 2, 0), score.RADIUS_RANGE)
+    rows, false_positives = score.score(frames["clean"], found, 2)
     assert all(row[1] for row in rows) and len(rows) == 4
     assert false_positives == 0 and seconds > 0
 
@@ -205,51 +206,51 @@ def _small_picture():
     return to_uint8(picture, 1, 0)
 
 
-@pytest.mark.parametrize("name", peers.METHODS)
+@pytest.mark.parametrize("name", detectors.METHODS)
 def test_methods_keep_to_the_range_and_bear_empty_pictures(name):
-    method = peers.METHODS[name]
-    if peers.missing(method):
-        pytest.skip(peers.missing(method))
-    found, _ = peers.run(method, _small_picture(), (40, 60))
+    method = detectors.METHODS[name]
+    if detectors.missing(method):
+        pytest.skip(detectors.missing(method))
+    found, _ = detectors.run(method, _small_picture(), (40, 60))
     assert len(found) == 1
     assert_allclose(found.centers[0], [70.3, 74.8], atol=1.5)
     assert_allclose(found.radii[0], 45, atol=1.5)
-    assert len(peers.run(method, np.full((150, 220), 60, np.uint8), (40, 60))[0]) == 0
+    assert len(detectors.run(method, np.full((150, 220), 60, np.uint8), (40, 60))[0]) == 0
 
 
 def test_radius_sigma_is_first_order_in_the_axes():
     discs = fit_discs(_small_picture(), SimpleNamespace(centers=[[70.0, 75.0], [10.0, 10.0]], radii=[44.0, 40.0]))
     draws = np.random.default_rng(0).multivariate_normal(discs.semi_axes[0], discs.covariance[0, 2:4, 2:4], 50_000)
-    sigmas = peers.radius_sigmas(discs)
+    sigmas = detectors.radius_sigmas(discs)
     assert_allclose(sigmas[0], np.sqrt(draws.prod(axis=1)).std(), rtol=0.02)
     assert np.isinf(sigmas[1])
 
 
 def test_missing_packages_are_named(monkeypatch, tmp_path):
     monkeypatch.setattr(environment, "VENV", tmp_path)
-    method = peers.METHODS["EdgeDrawing"]
-    assert peers.missing(method) == "opencv-contrib-python-headless is not installed"
-    assert peers.version(method) == ""
-    monkeypatch.setattr(peers.importlib.util, "find_spec", lambda _: None)
-    assert "scikit-image" in peers.missing(peers.METHODS["skimage hough_circle"])
+    method = detectors.METHODS["EdgeDrawing"]
+    assert detectors.missing(method) == "opencv-contrib-python-headless is not installed"
+    assert detectors.version(method) == ""
+    monkeypatch.setattr(detectors.importlib.util, "find_spec", lambda _: None)
+    assert "scikit-image" in detectors.missing(detectors.METHODS["skimage hough_circle"])
     names = ("EdgeDrawing", "skimage hough_circle")
-    assert bench_circles.describe_methods(names, names)["missing"][0] == peers.missing(method)
-    assert bench_circles._methods_for(names, 0, 10) == []
+    assert score.describe_methods(names, names)["missing"][0] == detectors.missing(method)
+    assert score._methods_for(names, 0, 10) == []
 
 
 def test_slow_methods_get_the_first_frames_only(monkeypatch):
-    monkeypatch.setattr(peers, "missing", lambda _: "")
-    chosen = [name for k in range(200) for name in bench_circles._methods_for(peers.METHODS, k, 200)]
-    counts = {name: chosen.count(name) for name in peers.METHODS}
+    monkeypatch.setattr(detectors, "missing", lambda _: "")
+    chosen = [name for k in range(200) for name in score._methods_for(detectors.METHODS, k, 200)]
+    counts = {name: chosen.count(name) for name in detectors.METHODS}
     assert {counts[name] for name in FAST} == {200}
     assert counts["skimage hough_circle"] == counts["find_circles accumulator"] == 8
     assert counts["find_circles two-stage"] == 20
-    assert "skimage hough_circle" in bench_circles._methods_for(peers.METHODS, 0, 1)
+    assert "skimage hough_circle" in score._methods_for(detectors.METHODS, 0, 1)
 
 
 def test_every_detector_has_a_style_of_its_own():
-    assert set(plotting.DETECTORS) == set(peers.METHODS)
-    assert len(set(plotting.DETECTORS.values())) == len(peers.METHODS)
+    assert set(plotting.DETECTORS) == set(detectors.METHODS)
+    assert len(set(plotting.DETECTORS.values())) == len(detectors.METHODS)
 
 
 # ---- measuring ----
@@ -258,38 +259,38 @@ def test_every_detector_has_a_style_of_its_own():
 def test_a_run_measures_every_method_on_every_frame(measured):
     frames, discs = measured
     assert len(frames) == 2 * 2 * len(FAST) and len(discs) == 4 * len(frames)
-    table = bench_circles.summarize(frames, discs).set_index(["method", "noise"])
+    table = score.summarize(frames, discs).set_index(["method", "noise"])
     assert (table["detection"] == 100).all() and (table["frames"] == 2).all() and (table["ms"] > 0).all()
-    assert (table.loc[peers.REFERENCE, "time_ratio"] == 1).all()
+    assert (table.loc[detectors.REFERENCE, "time_ratio"] == 1).all()
     for noise in (1, 5):
-        ours = table.loc[(peers.OURS, noise)]
+        ours = table.loc[(detectors.OURS, noise)]
         assert 0.3 < ours["center_rms"] < 2 and 0.3 < ours["center_sd"] < 2
-        assert table.loc[(peers.REFERENCE, noise), "center_rms"] > 10
+        assert table.loc[(detectors.REFERENCE, noise), "center_rms"] > 10
     assert table["coverage"].notna().sum() == 2
 
 
 def test_the_same_frames_give_the_same_errors(measured):
-    _, discs = bench_circles.measure_frame(CLEAN, 1, (5,), FAST)
-    again = pd.DataFrame(discs, columns=bench_circles.DISC_COLUMNS)
+    _, discs = score.measure_frame(CLEAN, 1, (5,), FAST)
+    again = pd.DataFrame(discs, columns=score.DISC_COLUMNS)
     before = measured[1].query("frame == 1 and noise == 5").reset_index(drop=True)
     pd.testing.assert_frame_equal(again, before)
 
 
 def test_threads_of_opencv_are_given_back():
-    before = bench_circles.cv2.getNumThreads()
-    with pytest.raises(ZeroDivisionError), bench_circles.one_thread():
-        assert bench_circles.cv2.getNumThreads() == 1
+    before = score.cv2.getNumThreads()
+    with pytest.raises(ZeroDivisionError), score.one_thread():
+        assert score.cv2.getNumThreads() == 1
         raise ZeroDivisionError
-    assert bench_circles.cv2.getNumThreads() == before
+    assert score.cv2.getNumThreads() == before
 
 
 def test_memory_is_that_of_the_call(tmp_path):
     """A method that makes an array of 160 MB from a picture of 20 MB, which is there before."""
     np.save(tmp_path / "frame.npy", np.zeros((4000, 5000), np.uint8))
     code = (
-        "import sys, numpy as np; from pegpose_lab import bench_circles, peers; "
-        "peers.METHODS['x'] = peers.Method('x', lambda image, _: np.ones(image.size).sum(), ''); "
-        "bench_circles.tell_memory('x', sys.argv[1])"
+        "import sys, numpy as np; from pegpose_lab.bench import detectors, peers, resources; "
+        "peers.METHODS['x'] = detectors.Method('x', lambda image, _: np.ones(image.size).sum(), ''); "
+        "resources.tell_memory('x', sys.argv[1])"
     )
     command = [sys.executable, "-c", code, tmp_path / "frame.npy"]
     told = float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
@@ -297,8 +298,8 @@ def test_memory_is_that_of_the_call(tmp_path):
 
 
 def test_larger_pictures_show_the_same_scene():
-    small, large = bench_circles._camera(), bench_circles._scaled(bench_circles._camera(), 1.5)
-    point, pose = [[10.0, -20.0, 3.0]], bench_circles._pose(TILT, np.random.default_rng(0))
+    small, large = score._camera(), score._scaled(score._camera(), 1.5)
+    point, pose = [[10.0, -20.0, 3.0]], score._pose(TILT, np.random.default_rng(0))
     center = np.add(small.principal_point, 0.5)
     expected = (small.project(point, pose) + 0.5 - center) * 1.5 + center * 1.5 - 0.5
     assert large.image_size == (2400, 1800)
@@ -307,5 +308,5 @@ def test_larger_pictures_show_the_same_scene():
 
 def test_growth_is_the_exponent():
     sizes = np.array([0.5, 2.0, 8.0])
-    table = pd.DataFrame({"megapixels": sizes, "method": peers.OURS, "ms": 7 * sizes**1.3})
-    assert_allclose(bench_circles.growth(table), 1.3)
+    table = pd.DataFrame({"megapixels": sizes, "method": detectors.OURS, "ms": 7 * sizes**1.3})
+    assert_allclose(score.growth(table), 1.3)

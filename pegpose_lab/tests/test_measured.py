@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from pegpose_lab import calibrate_zhang, checks, segment
-from pegpose_lab.bench_circles import TOLERANCE
+from pegpose_lab.bench.score import TOLERANCE
 from pegpose_lab.circles import Circles
 from pegpose_lab.pose import project_discs
 from pegpose_lab.study import circle_counts, photographs, segmented_parts

@@ -29,7 +29,7 @@ error / bound
 honesty
     the standard deviation of (estimate - truth) / stated sigma, and the share within +-1.96 of it.
 time
-    processor time of one thread; the ratio to `peers.REFERENCE` is the median over frames of the ratio in the
+    processor time of one thread; the ratio to `detectors.REFERENCE` is the median over frames of the ratio in the
     same frame.
 """
 
@@ -50,9 +50,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.special import ndtr
 from tqdm import tqdm
 
-from . import paper, peers
-from .render import HubLook, TrueDisc, disc_outline, expose, render_hub, true_disc
-from .targets import Hub
+from .. import paper
+from ..render import HubLook, TrueDisc, disc_outline, expose, render_hub, true_disc
+from ..targets import Hub
+from . import detectors
 
 RADIUS_RANGE = (40.0, 60.0)  # px, for 1600 x 1200 px; the pegs have 46 to 51
 TOLERANCE = 0.1  # of the radius: what counts as detected
@@ -237,7 +238,7 @@ def measure_frame(scene, number, noises, methods):
     number : int
     noises : sequence of float
     methods : sequence of str
-        Keys of `peers.METHODS`.
+        Keys of `detectors.METHODS`.
 
     Returns
     -------
@@ -250,7 +251,7 @@ def measure_frame(scene, number, noises, methods):
         for noise in noises:
             image = expose(frame.picture, noise, [SEED, *scene.name.encode(), number, int(1000 * noise)])
             for name in np.roll(methods, number).tolist():
-                found, seconds = peers.run(peers.METHODS[name], image, RADIUS_RANGE)
+                found, seconds = detectors.run(detectors.METHODS[name], image, RADIUS_RANGE)
                 key = (scene.name, noise, number, name)
                 rows, false_positives = score(frame, found, noise)
                 frames.append((*key, seconds, false_positives))
@@ -263,7 +264,7 @@ def _warm_up(methods):
     """Let each method run once in this process, on a part of a frame, so that no first call is timed."""
     image = np.ascontiguousarray(expose(draw_frame(MAIN[0], 10**6).picture, 5, 0)[300:900, 500:1100])
     for name in methods:
-        peers.run(peers.METHODS[name], image, RADIUS_RANGE)
+        detectors.run(detectors.METHODS[name], image, RADIUS_RANGE)
 
 
 def score(frame, found, noise):
@@ -324,7 +325,7 @@ def measure(cells, methods, *, workers=WORKERS):
     cells : dict
         Scene: (number of frames, levels of noise).
     methods : sequence of str
-        Keys of `peers.METHODS`.
+        Keys of `detectors.METHODS`.
     workers : int
 
     Returns
@@ -349,13 +350,13 @@ def _methods_for(methods, number, frames):
     """The methods that get frame `number`: slow ones get the first few only (`Method.share`), one at least."""
     return [
         name for name in methods
-        if not peers.missing(peers.METHODS[name]) and number < max(1, round(peers.METHODS[name].share * frames))
+        if not detectors.missing(detectors.METHODS[name]) and number < max(1, round(detectors.METHODS[name].share * frames))
     ]
 
 
 def summarize(frames, discs):
     """The table of results: a row for each scene, noise and method; the module's text says what is what."""
-    reference = frames[frames["method"] == peers.REFERENCE].set_index(["scene", "noise", "frame"])["seconds"]
+    reference = frames[frames["method"] == detectors.REFERENCE].set_index(["scene", "noise", "frame"])["seconds"]
     rows, key = [], ["scene", "noise", "method"]
     parts = dict(list(discs.groupby(key, sort=False)))
     for (scene, noise, method), part in frames.groupby(key, sort=False):
@@ -367,7 +368,7 @@ def summarize(frames, discs):
 
 
 # scenes and methods in the order of the tables
-_ORDER = {name: k for k, name in enumerate([*(scene.name for scene in SCENES), *peers.METHODS])}
+_ORDER = {name: k for k, name in enumerate([*(scene.name for scene in SCENES), *detectors.METHODS])}
 
 
 def _cell(frames, discs, reference):
@@ -431,9 +432,9 @@ def peak_memory(method):
     with tempfile.TemporaryDirectory(prefix="pegpose_") as folder:
         path = Path(folder, "frame.npy")
         np.save(path, expose(draw_frame(MAIN[1], 0).picture, 5, 0))
-        code = "import sys; from pegpose_lab import bench_circles; bench_circles.tell_memory(*sys.argv[1:])"
-        served = method.module == peers.CONTRIB_MODULE
-        variables = peers.contrib_variables() if served else dict(os.environ)
+        code = "import sys; from pegpose_lab.bench import score; score.tell_memory(*sys.argv[1:])"
+        served = method.module == detectors.CONTRIB_MODULE
+        variables = detectors.contrib_variables() if served else dict(os.environ)
         command = [sys.executable, "-c", code, method.name, path]
         return float(subprocess.run(command, env=variables, check=True, capture_output=True, text=True).stdout)
 
@@ -441,10 +442,10 @@ def peak_memory(method):
 def tell_memory(name, path):
     """Print what `peak_memory` asks for; runs in a process of its own."""
     cv2.setNumThreads(1)
-    image, method = np.load(path), peers.METHODS[name]
-    peers.run(method, np.ascontiguousarray(image[:200, :200]), RADIUS_RANGE)
+    image, method = np.load(path), detectors.METHODS[name]
+    detectors.run(method, np.ascontiguousarray(image[:200, :200]), RADIUS_RANGE)
     before = _memory("VmRSS")
-    peers.run(method, image, RADIUS_RANGE)
+    detectors.run(method, image, RADIUS_RANGE)
     print(max(_memory("VmHWM") - before, 0.0))
 
 
@@ -463,7 +464,7 @@ def _memory(field):
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 
 
-def measure_sizes(sizes, *, methods=(peers.OURS, peers.REFERENCE), repeats=3):
+def measure_sizes(sizes, *, methods=(detectors.OURS, detectors.REFERENCE), repeats=3):
     """Time against the picture's size: the same scene with more pixels, radii and range in proportion.
 
     Parameters
@@ -489,7 +490,7 @@ def measure_sizes(sizes, *, methods=(peers.OURS, peers.REFERENCE), repeats=3):
             times, pegs = {name: [] for name in methods}, {}
             for _ in range(repeats + 1):
                 for name in methods:
-                    found, seconds = peers.run(peers.METHODS[name], image, limits)
+                    found, seconds = detectors.run(detectors.METHODS[name], image, limits)
                     times[name].append(seconds)
                     pegs[name] = _detected_pegs(frame, found)
             for name, seconds in times.items():
@@ -512,7 +513,7 @@ def _scaled(camera, scale):
     return replace(camera, image_size=(width, height), pixel_pitch=pitch, principal_point=middle)
 
 
-def growth(sizes, method=peers.OURS):
+def growth(sizes, method=detectors.OURS):
     """Exponent of time over size: the slope of ln(ms) over ln(megapixels)."""
     rows = sizes[sizes["method"] == method]
     return exponent(rows["megapixels"], rows["ms"])
@@ -531,8 +532,8 @@ def describe_methods(methods, memory):
     missing if it is."""
     rows = []
     for name in methods:
-        method = peers.METHODS[name]
-        reason = peers.missing(method)
+        method = detectors.METHODS[name]
+        reason = detectors.missing(method)
         megabytes = np.nan if reason or name not in memory else peak_memory(method)
-        rows.append((name, method.package, peers.version(method), method.settings, megabytes, reason))
+        rows.append((name, method.package, detectors.version(method), method.settings, megabytes, reason))
     return pd.DataFrame(rows, columns=["method", "package", "version", "settings", "memory_mb", "missing"])

@@ -1,8 +1,4 @@
-"""The benchmark: circle measurement and calibration beside their peers and their bounds, measured in one run.
-
-What is measured, and how, stands in `bench_circles` and `bench_calibration`; here are the plan of a run, the aims,
-and the report.
-"""
+"""The benchmark's tables as files, as blocks of a README and as text."""
 
 import json
 import platform
@@ -13,9 +9,10 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from . import peers
-from .bench_calibration import measure_genetic, measure_joint, measure_rivals
-from .bench_circles import (
+from ..lab import results
+from . import detectors
+from .calibration import measure_genetic, measure_joint, measure_rivals
+from .score import (
     BLUR,
     MAIN,
     OTHER,
@@ -28,7 +25,6 @@ from .bench_circles import (
     measure_sizes,
     summarize,
 )
-from .lab import results
 
 WORKERS = 2
 
@@ -42,8 +38,8 @@ class Plan:
     sizes: tuple
     views: tuple
     seeds: int
-    methods: tuple = tuple(peers.METHODS)
-    memory: tuple = tuple(peers.METHODS)
+    methods: tuple = tuple(detectors.METHODS)
+    memory: tuple = tuple(detectors.METHODS)
     repeats: int = 3
 
 
@@ -53,7 +49,7 @@ FULL = Plan(
     (5, 13, 25, 50, 100, 200),
     10,
 )
-QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, memory=(peers.OURS,), repeats=1)
+QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, memory=(detectors.OURS,), repeats=1)
 
 
 # ---- the report ----
@@ -111,7 +107,7 @@ def judge(circles, methods, sizes, joint, genetic):
     DataFrame
         scene, quantity, low, high (the limits; NaN for none), measured, met.
     """
-    ours = circles[circles["method"] == peers.OURS]
+    ours = circles[circles["method"] == detectors.OURS]
     rows = []
     for scene, cells in ours.groupby("scene", sort=False):
         if scene in _LIMITS:
@@ -119,7 +115,7 @@ def judge(circles, methods, sizes, joint, genetic):
         rows += _honesty_targets(scene, cells)
     worst = ours.loc[ours["scene"] == "clean", "center"].max()
     rows.append(("clean", "centre / bound, worst noise", np.nan, 1.1, worst))
-    memory = methods.set_index("method").loc[peers.OURS, "memory_mb"]
+    memory = methods.set_index("method").loc[detectors.OURS, "memory_mb"]
     rows.append(("tilt", "memory, MB", np.nan, 100.0, memory))
     rows.append(("clean", "exponent of time over megapixels", np.nan, 1.1, growth(sizes)))
     thirteen = joint.loc[joint["views"] == 13, "ratio"].item()
@@ -138,7 +134,7 @@ def _error_targets(row, center, radius, ratio, false_positives, detection):
     return [
         (row.scene, "centre / bound", np.nan, center, row.center),
         (row.scene, "radius / bound", np.nan, radius, row.radius),
-        (row.scene, f"time / {peers.REFERENCE}", np.nan, ratio, row.time_ratio),
+        (row.scene, f"time / {detectors.REFERENCE}", np.nan, ratio, row.time_ratio),
         (row.scene, "detection, %", detection, np.nan, row.detection),
         (row.scene, "false positives per frame", np.nan, false_positives, row.false_positives),
     ]
@@ -216,12 +212,12 @@ def _folded(title, parts):
 
 def _heading(circles):
     """What holds for all tables."""
-    values = 8 * circles.loc[circles["method"] == peers.OURS, "frames"].max()  # two axes of four pegs
+    values = 8 * circles.loc[circles["method"] == detectors.OURS, "frames"].max()  # two axes of four pegs
     return (
         f"Noise {TARGET_NOISE} grey values, blur {BLUR[0]} to {BLUR[1]} px, 1600 x 1200 px, four pegs; time: processor time, "
-        f"as a ratio to {peers.REFERENCE} in the same frames. Centre / bound: 1.4826 times the median error over the "
+        f"as a ratio to {detectors.REFERENCE} in the same frames. Centre / bound: 1.4826 times the median error over the "
         "Cramér-Rao bound of the whole edge, which is the rms / bound of normal errors, known here to "
-        f"{100 / np.sqrt(2 * 0.37 * values):.0f} % for the methods that got every frame. `pegpose_lab.bench_circles` has the "
+        f"{100 / np.sqrt(2 * 0.37 * values):.0f} % for the methods that got every frame. `pegpose_lab.bench` has the "
         "definitions, `data/results/bench_methods.csv` the peers' settings, versions and memory."
     )
 
@@ -253,7 +249,7 @@ def _scenes(circles):
 
 
 def _calibration(report):
-    """A title and a table for each part of `bench_calibration`."""
+    """A title and a table for each part of `bench.calibration`."""
     head = ["views", "ms", "OpenCV's ms", "ratio"]
     joint = [_shown(row) for row in report.joint[["views", "ms", "opencv_ms", "ratio"]].to_numpy(float)]
     rivals = [_shown(row) for row in report.rivals.to_numpy()]

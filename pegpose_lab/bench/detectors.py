@@ -21,9 +21,9 @@ from importlib import metadata
 import cv2
 import numpy as np
 
-from .circles import find_circles
-from .discs import fit_discs
-from .lab import environment
+from ..circles import find_circles
+from ..discs import fit_discs
+from ..lab import environment
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ class _Server:
 
     def __init__(self):
         self.process = subprocess.Popen(
-            [sys.executable, "-c", "from pegpose_lab import peers; peers.serve()"],
+            [sys.executable, "-c", "from pegpose_lab.bench import detectors; detectors.serve()"],
             env=contrib_variables(),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -315,7 +315,7 @@ def missing(method):
 def version(method):
     """The version of a detector's package; empty where it is missing."""
     if method.module == "pegpose_lab":
-        from . import __version__
+        from .. import __version__
 
         return __version__
     where = {"path": [str(environment.contrib_folder())]} if method.module == CONTRIB_MODULE else {}

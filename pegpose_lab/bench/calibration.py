@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from . import paper, study
-from .bench_circles import one_thread
-from .calibration import calibrate_joint, optimum_in_box
-from .targets import Checkerboard
+from .. import paper, study
+from ..calibration import calibrate_joint, optimum_in_box
+from ..targets import Checkerboard
+from .score import one_thread
 
 SEED = 20
 

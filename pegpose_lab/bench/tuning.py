@@ -1,12 +1,12 @@
 """The peers' settings: a grid for each, tried on frames of its own, and the best by one rule.
 
-``python3 -m pegpose_lab.tuning`` prints each peer's best five and writes all to data/measured/peer_settings.csv, in about
-ten minutes on two idle cores; `peers.METHODS` has each peer's first.  Peers that are not installed (``python3 -m
+``python3 -m pegpose_lab.bench.tuning`` prints each peer's best five and writes all to data/measured/peer_settings.csv, in about
+ten minutes on two idle cores; `detectors.METHODS` has each peer's first.  Peers that are not installed (``python3 -m
 pegpose_lab bench`` installs them) are left out.
 
 Frames
 ------
-`FRAMES` of each of the scenes `bench_circles.MAIN`, with the noise of the benchmark's tables, numbered from
+`FRAMES` of each of the scenes `score.MAIN`, with the noise of the benchmark's tables, numbered from
 `FIRST_FRAME`: poses, blur and noise that the benchmark does not use.  All are scored as there.
 
 Rule
@@ -33,28 +33,19 @@ import pandas as pd
 from joblib import Parallel, delayed
 from tqdm import tqdm
 
-from . import peers, study
-from .bench_circles import (
-    DISC_COLUMNS,
-    MAIN,
-    RADIUS_RANGE,
-    SEED,
-    TARGET_NOISE,
-    WORKERS,
-    draw_frame,
-    one_thread,
-    score,
-)
-from .files import replacing
-from .render import expose
+from .. import study
+from ..files import replacing
+from ..render import expose
+from . import detectors
+from .score import DISC_COLUMNS, MAIN, RADIUS_RANGE, SEED, TARGET_NOISE, WORKERS, draw_frame, one_thread, score
 
-COMMAND = "python3 -m pegpose_lab.tuning"
+COMMAND = "python3 -m pegpose_lab.bench.tuning"
 SETTINGS_FILE = "peer_settings.csv"
 FIRST_FRAME, FRAMES = 20_000, 20
 ERROR_TIE, TIME_TIE = 1.05, 1.25
 SHOWN = 5  # ranks on the screen
 
-GRIDS = {  # peer: option of its function in `peers`: values, from the fast to the slow
+GRIDS = {  # peer: option of its function in `bench.methods`: values, from the fast to the slow
     "HoughCircles GRADIENT": {"dp": (2, 1.5, 1), "edge": (300, 200, 100), "votes": (60, 50, 40, 30)},
     "HoughCircles GRADIENT, smoothed": {
         "smoothing": (1, 1.5), "dp": (1.5, 1), "edge": (200, 150, 100), "votes": (50, 40, 30)
@@ -76,10 +67,10 @@ GRIDS = {  # peer: option of its function in `peers`: values, from the fast to t
 
 
 def candidates(name):
-    """A peer with each setting of its grid, a list of `peers.Method`."""
+    """A peer with each setting of its grid, a list of `detectors.Method`."""
     grid = GRIDS[name]
     options = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
-    return [replace(peers.METHODS[name], options=some) for some in options]
+    return [replace(detectors.METHODS[name], options=some) for some in options]
 
 
 def try_settings(names=tuple(GRIDS), *, scenes=MAIN, frames=FRAMES, workers=WORKERS):
@@ -110,13 +101,13 @@ def try_settings(names=tuple(GRIDS), *, scenes=MAIN, frames=FRAMES, workers=WORK
 
 
 def _try_frame(scene, number, methods):
-    """One frame for all methods: scene, seconds, false circles and rows of discs (`bench_circles.score`) of each."""
+    """One frame for all methods: scene, seconds, false circles and rows of discs (`score.score`) of each."""
     frame = draw_frame(scene, number)
     image = expose(frame.picture, TARGET_NOISE, [SEED, *scene.name.encode(), number])
     runs = []
     with one_thread():
         for method in methods:
-            found, seconds = peers.run(method, image, RADIUS_RANGE)
+            found, seconds = detectors.run(method, image, RADIUS_RANGE)
             rows, false_circles = score(frame, found, TARGET_NOISE)
             runs.append((scene.name, seconds, false_circles, rows))
     return runs
@@ -224,7 +215,7 @@ def write_settings(table, folder=study.FOLDER):
 
 def main():
     """Try all settings of the peers that are installed, print each one's best and write the ranking."""
-    reasons = {name: peers.missing(peers.METHODS[name]) for name in GRIDS}
+    reasons = {name: detectors.missing(detectors.METHODS[name]) for name in GRIDS}
     table = rank(try_settings([name for name, reason in reasons.items() if not reason]))
     write_settings(table)
     print(table[table["rank"] <= SHOWN].to_string(index=False, float_format="%.4g"))
