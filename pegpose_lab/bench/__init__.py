@@ -4,9 +4,11 @@ A detector to compare with is one function in `detectors` and one line in `bench
 `scenes`.
 """
 
-from .detectors import OURS, REFERENCE
-from .report import FULL, QUICK, run, to_text, write
-from .score import SCENES, TARGET_NOISE, center_bound
+from .bounds import center_bound
+from .peers import OURS, REFERENCE
+from .plan import FULL, QUICK, run
+from .report import to_text, write
+from .scenes import SCENES, TARGET_NOISE
 
 __all__ = [
     "FULL",

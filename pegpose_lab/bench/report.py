@@ -2,7 +2,6 @@
 
 import json
 import platform
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -10,145 +9,9 @@ import numpy as np
 import pandas as pd
 
 from ..lab import results
-from . import detectors
-from .calibration import measure_genetic, measure_joint, measure_rivals
-from .score import (
-    BLUR,
-    MAIN,
-    OTHER,
-    SCENES,
-    TARGET_NOISE,
-    describe_methods,
-    exponent,
-    growth,
-    measure,
-    measure_sizes,
-    summarize,
-)
-
-WORKERS = 2
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How much is measured: {scene: (frames, noise levels)}, sizes in megapixels, numbers of views, seeds of the genetic
-    algorithm, methods, whose memory, repeats of what is timed."""
-
-    cells: dict
-    sizes: tuple
-    views: tuple
-    seeds: int
-    methods: tuple = tuple(detectors.METHODS)
-    memory: tuple = tuple(detectors.METHODS)
-    repeats: int = 3
-
-
-FULL = Plan(
-    dict.fromkeys(MAIN, (200, (1, 2, 5, 10))) | dict.fromkeys(OTHER, (50, (TARGET_NOISE,))),
-    (0.5, 1, 2, 5, 10, 20),
-    (5, 13, 25, 50, 100, 200),
-    10,
-)
-QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, memory=(detectors.OURS,), repeats=1)
-
-
-# ---- the report ----
-
-
-@dataclass(frozen=True)
-class Report:
-    """Tables of a run: `circles` (`summarize`), `methods`, `sizes` (`measure_sizes`), `joint` (`measure_joint`),
-    `genetic` (`measure_genetic`), `baselines` (`measure_rivals`), `targets` (`judge`)."""
-
-    circles: pd.DataFrame
-    methods: pd.DataFrame
-    sizes: pd.DataFrame
-    joint: pd.DataFrame
-    genetic: pd.DataFrame
-    rivals: pd.DataFrame
-    targets: pd.DataFrame
-
-
-def run(plan=FULL, *, workers=WORKERS):
-    """Measure all that a plan names.
-
-    Returns
-    -------
-    Report
-    """
-    frames, discs = measure(plan.cells, plan.methods, workers=workers)
-    circles = summarize(frames, discs)
-    methods = describe_methods(plan.methods, plan.memory)
-    sizes = measure_sizes(plan.sizes, repeats=plan.repeats)
-    joint = measure_joint(plan.views, repeats=plan.repeats)
-    genetic = measure_genetic(seeds=plan.seeds)
-    rivals = measure_rivals(repeats=plan.repeats)
-    return Report(circles, methods, sizes, joint, genetic, rivals, judge(circles, methods, sizes, joint, genetic))
-
-
-# scene: largest centre/bound, radius/bound, time ratio, false positives; least detection
-_LIMITS = {
-    "clean": (1.05, 1.2, 1.0, 0.0, 100.0),
-    "tilt": (1.05, 1.2, 1.0, 0.0, 100.0),
-    "highlights": (1.6, 2.0, 3.0, 0.0, 100.0),
-    "clutter": (2.0, 2.5, 3.0, 0.01, 99.5),
-}
-_HONEST = {"clean": (0.9, 1.1), "tilt": (0.9, 1.1)}  # scene: range of the standard deviation of error / sigma
-_ELSEWHERE = (0.0, 1.3)
-_COVERAGE = (93.0, 97.0)  # %, of the 95 % intervals
-
-
-def judge(circles, methods, sizes, joint, genetic):
-    """What was aimed at, beside what was measured: sizes of errors and times at the noise of the targets, the
-    honesty of the sigmas at the worst noise, in every scene.
-
-    Returns
-    -------
-    DataFrame
-        scene, quantity, low, high (the limits; NaN for none), measured, met.
-    """
-    ours = circles[circles["method"] == detectors.OURS]
-    rows = []
-    for scene, cells in ours.groupby("scene", sort=False):
-        if scene in _LIMITS:
-            rows += _error_targets(cells[cells["noise"] == TARGET_NOISE].iloc[0], *_LIMITS[scene])
-        rows += _honesty_targets(scene, cells)
-    worst = ours.loc[ours["scene"] == "clean", "center"].max()
-    rows.append(("clean", "centre / bound, worst noise", np.nan, 1.1, worst))
-    memory = methods.set_index("method").loc[detectors.OURS, "memory_mb"]
-    rows.append(("tilt", "memory, MB", np.nan, 100.0, memory))
-    rows.append(("clean", "exponent of time over megapixels", np.nan, 1.1, growth(sizes)))
-    thirteen = joint.loc[joint["views"] == 13, "ratio"].item()
-    rows.append(("joint", "time / cv2.calibrateCamera, 13 views", np.nan, 3.0, thirteen))
-    rows.append(("joint", "exponent of time over views", np.nan, 1.1, exponent(joint["views"], joint["ms"])))
-    rows.append(("genetic", "time / differential evolution, worst view", np.nan, 3.0, genetic["ratio"].max()))
-    rows.append(("genetic", "seeds at the optimum of the box, %", 100.0, np.nan, genetic["reached"].min()))
-    table = pd.DataFrame(rows, columns=["scene", "quantity", "low", "high", "measured"])
-    below, above = table["measured"] < table["low"], table["measured"] > table["high"]
-    table["met"] = np.where(table["measured"].isna(), "not measured", np.where(below | above, "no", "yes"))
-    return table
-
-
-def _error_targets(row, center, radius, ratio, false_positives, detection):
-    """A scene's part of `judge`'s rows: how large errors and times are."""
-    return [
-        (row.scene, "centre / bound", np.nan, center, row.center),
-        (row.scene, "radius / bound", np.nan, radius, row.radius),
-        (row.scene, f"time / {detectors.REFERENCE}", np.nan, ratio, row.time_ratio),
-        (row.scene, "detection, %", detection, np.nan, row.detection),
-        (row.scene, "false positives per frame", np.nan, false_positives, row.false_positives),
-    ]
-
-
-def _honesty_targets(scene, cells):
-    """A scene's part of `judge`'s rows: whether errors are as large as the sigmas say, at the worst noise."""
-    low, high = _HONEST.get(scene, _ELSEWHERE)
-    rows = []
-    for quantity, name in (("centre", "center_sd"), ("radius", "radius_sd")):
-        worst = cells[name].iloc[np.abs(np.log(cells[name].to_numpy())).argmax()]
-        rows.append((scene, f"sd of {quantity} error / sigma, worst noise", low, high, worst))
-    worst = cells["coverage"].iloc[np.abs(cells["coverage"].to_numpy() - 95).argmax()]
-    return [*rows, (scene, "95 % intervals that hold the truth, %, worst noise", *_COVERAGE, worst)]
+from . import peers
+from .plan import Report
+from .scenes import BLUR, MAIN, SCENES, TARGET_NOISE
 
 
 def write(report, folder, readme=None):
@@ -212,10 +75,10 @@ def _folded(title, parts):
 
 def _heading(circles):
     """What holds for all tables."""
-    values = 8 * circles.loc[circles["method"] == detectors.OURS, "frames"].max()  # two axes of four pegs
+    values = 8 * circles.loc[circles["method"] == peers.OURS, "frames"].max()  # two axes of four pegs
     return (
         f"Noise {TARGET_NOISE} grey values, blur {BLUR[0]} to {BLUR[1]} px, 1600 x 1200 px, four pegs; time: processor time, "
-        f"as a ratio to {detectors.REFERENCE} in the same frames. Centre / bound: 1.4826 times the median error over the "
+        f"as a ratio to {peers.REFERENCE} in the same frames. Centre / bound: 1.4826 times the median error over the "
         "Cramér-Rao bound of the whole edge, which is the rms / bound of normal errors, known here to "
         f"{100 / np.sqrt(2 * 0.37 * values):.0f} % for the methods that got every frame. `pegpose_lab.bench` has the "
         "definitions, `data/results/bench_methods.csv` the peers' settings, versions and memory."

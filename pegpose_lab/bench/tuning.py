@@ -1,12 +1,12 @@
 """The peers' settings: a grid for each, tried on frames of its own, and the best by one rule.
 
 ``python3 -m pegpose_lab.bench.tuning`` prints each peer's best five and writes all to data/measured/peer_settings.csv, in about
-ten minutes on two idle cores; `detectors.METHODS` has each peer's first.  Peers that are not installed (``python3 -m
+ten minutes on two idle cores; `peers.METHODS` has each peer's first.  Peers that are not installed (``python3 -m
 pegpose_lab bench`` installs them) are left out.
 
 Frames
 ------
-`FRAMES` of each of the scenes `score.MAIN`, with the noise of the benchmark's tables, numbered from
+`FRAMES` of each of the scenes `scenes.MAIN`, with the noise of the benchmark's tables, numbered from
 `FIRST_FRAME`: poses, blur and noise that the benchmark does not use.  All are scored as there.
 
 Rule
@@ -36,8 +36,9 @@ from tqdm import tqdm
 from .. import study
 from ..files import replacing
 from ..render import expose
-from . import detectors
-from .score import DISC_COLUMNS, MAIN, RADIUS_RANGE, SEED, TARGET_NOISE, WORKERS, draw_frame, one_thread, score
+from . import peers
+from .scenes import MAIN, RADIUS_RANGE, SEED, TARGET_NOISE, draw_frame
+from .score import DISC_COLUMNS, WORKERS, one_thread, score
 
 COMMAND = "python3 -m pegpose_lab.bench.tuning"
 SETTINGS_FILE = "peer_settings.csv"
@@ -70,7 +71,7 @@ def candidates(name):
     """A peer with each setting of its grid, a list of `detectors.Method`."""
     grid = GRIDS[name]
     options = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
-    return [replace(detectors.METHODS[name], options=some) for some in options]
+    return [replace(peers.METHODS[name], options=some) for some in options]
 
 
 def try_settings(names=tuple(GRIDS), *, scenes=MAIN, frames=FRAMES, workers=WORKERS):
@@ -107,7 +108,7 @@ def _try_frame(scene, number, methods):
     runs = []
     with one_thread():
         for method in methods:
-            found, seconds = detectors.run(method, image, RADIUS_RANGE)
+            found, seconds = peers.run(method, image, RADIUS_RANGE)
             rows, false_circles = score(frame, found, TARGET_NOISE)
             runs.append((scene.name, seconds, false_circles, rows))
     return runs
@@ -215,7 +216,7 @@ def write_settings(table, folder=study.FOLDER):
 
 def main():
     """Try all settings of the peers that are installed, print each one's best and write the ranking."""
-    reasons = {name: detectors.missing(detectors.METHODS[name]) for name in GRIDS}
+    reasons = {name: peers.missing(peers.METHODS[name]) for name in GRIDS}
     table = rank(try_settings([name for name, reason in reasons.items() if not reason]))
     write_settings(table)
     print(table[table["rank"] <= SHOWN].to_string(index=False, float_format="%.4g"))

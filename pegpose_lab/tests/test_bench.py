@@ -10,9 +10,10 @@ import pytest
 
 from pegpose_lab import __main__ as commands
 from pegpose_lab import bench
-from pegpose_lab.bench import FULL, QUICK, detectors, score, to_text, write
+from pegpose_lab.bench import FULL, QUICK, aims, peers, scenes, to_text, write
 from pegpose_lab.bench import report as report_file
-from pegpose_lab.bench.report import Report, judge, load, readme_is_current
+from pegpose_lab.bench.plan import Report
+from pegpose_lab.bench.report import load, readme_is_current
 from pegpose_lab.lab import environment, installers
 
 # ---- report ----
@@ -21,26 +22,26 @@ from pegpose_lab.lab import environment, installers
 def _report(**changes):
     """A report of one row for each scene, at the targets, or with changes."""
     row = {
-        "noise": 5, "method": detectors.OURS, "frames": 200, "ms": 5.0, "time_ratio": 1.0, "detection": 100.0,
+        "noise": 5, "method": peers.OURS, "frames": 200, "ms": 5.0, "time_ratio": 1.0, "detection": 100.0,
         "false_positives": 0.0, "center": 1.05, "center_rms": 1.1, "radius": 1.2, "radius_rms": 1.3,
         "visible": 100.0, "arc_bound": 1.0, "center_arc": 1.0, "radius_arc": 1.0, "center_sd": 1.0,
         "radius_sd": 1.0, "coverage": 95.0,
     }  # fmt: skip
-    circles = pd.DataFrame([{"scene": scene.name} | row | changes for scene in score.SCENES])
+    circles = pd.DataFrame([{"scene": scene.name} | row | changes for scene in scenes.SCENES])
     methods = pd.DataFrame(
-        {"method": [detectors.OURS, "EdgeDrawing"], "memory_mb": [99.0, np.nan], "missing": ["", "not installed"]}
+        {"method": [peers.OURS, "EdgeDrawing"], "memory_mb": [99.0, np.nan], "missing": ["", "not installed"]}
     )
-    sizes = pd.DataFrame({"megapixels": [0.5, 20.0], "method": detectors.OURS, "ms": [1.0, 40.0]})
+    sizes = pd.DataFrame({"megapixels": [0.5, 20.0], "method": peers.OURS, "ms": [1.0, 40.0]})
     joint = pd.DataFrame({"views": [13, 200], "ms": [20.0, 300.0], "opencv_ms": 10.0, "ratio": 3.0})
     joint["rms_difference"] = 0.0
     genetic = pd.DataFrame({"view": ["paper's view", "left01", "left02"], "ms": 50.0, "de_ms": 25.0, "ratio": [2.0, 1.0, 3.0]})
     genetic = genetic.assign(reached=100.0, de_reached=[100.0, 100.0, 90.0])
     tables = circles, methods, sizes, joint, genetic
     rivals = pd.DataFrame({"method": ["linear only", "GA"], "evaluations": [np.nan, 6060.0], "ms": [1.0, 50.0]})
-    return Report(*tables, rivals, judge(*tables))
+    return Report(*tables, rivals, aims.judge(*tables))
 
 
-EVERY_SCENE = [scene.name for scene in score.SCENES]
+EVERY_SCENE = [scene.name for scene in scenes.SCENES]
 
 
 def test_targets_are_met_at_their_limits():
@@ -77,7 +78,7 @@ def test_honesty_is_judged_at_the_worst_noise():
     report = _report()
     quiet = report.circles.assign(noise=1, center_sd=1.2, coverage=92.0)
     tables = report.methods, report.sizes, report.joint, report.genetic
-    missed = judge(pd.concat([report.circles, quiet]), *tables).query("met == 'no'")
+    missed = aims.judge(pd.concat([report.circles, quiet]), *tables).query("met == 'no'")
     assert missed["scene"].tolist() == ["clean"] * 2 + ["tilt"] * 2 + EVERY_SCENE[2:]
     assert missed["measured"].isin([1.2, 92.0]).all()
 
@@ -86,7 +87,7 @@ def _judged(report, **changes):
     """Whether the aims that are no scene's are met: worst noise, memory, growth, joint's two, genetic's two."""
     report = replace(report, **changes)
     names = ("circles", "methods", "sizes", "joint", "genetic")
-    return judge(*(getattr(report, name) for name in names))["met"].tolist()[-7:]
+    return aims.judge(*(getattr(report, name) for name in names))["met"].tolist()[-7:]
 
 
 def test_what_belongs_to_no_scene_is_judged():
@@ -195,7 +196,7 @@ def test_bench_goes_on_without_what_cannot_be_installed(installs, monkeypatch, c
 
 def test_optional_group_has_the_peers():
     names = [requirement.split(">")[0] for requirement in environment._bench_group()]
-    packages = {method.package for method in detectors.METHODS.values()}
+    packages = {method.package for method in peers.METHODS.values()}
     assert set(names) == packages - {"pegpose_lab", "opencv-python-headless", "opencv-contrib-python-headless"}
 
 

@@ -10,19 +10,19 @@ import pytest
 from numpy.testing import assert_allclose
 
 from pegpose_lab import fit_discs
-from pegpose_lab.bench import detectors, score
+from pegpose_lab.bench import bounds, detectors, peers, resources, scenes, score, statistics
 from pegpose_lab.lab import environment, plotting
 from pegpose_lab.render import TrueDisc, raycast
 from pegpose_lab.tests.discs import center_bound, draw_ellipses, to_uint8
 
-CLEAN, TILT, HIGHLIGHTS, CLUTTER, *_ = score.SCENES
+CLEAN, TILT, HIGHLIGHTS, CLUTTER, *_ = scenes.SCENES
 FAST = ("ours", "HoughCircles GRADIENT", "SimpleBlobDetector", "contours + fitEllipse")
 
 
 @pytest.fixture(scope="module")
 def frames():
     """One frame of each of the four scenes."""
-    return {scene.name: score.draw_frame(scene, 0) for scene in (CLEAN, TILT, HIGHLIGHTS, CLUTTER)}
+    return {scene.name: scenes.draw_frame(scene, 0) for scene in (CLEAN, TILT, HIGHLIGHTS, CLUTTER)}
 
 
 @pytest.fixture(scope="module")
@@ -39,14 +39,14 @@ def test_frames_are_what_their_scene_says(frames):
     for name, frame in frames.items():
         assert frame.picture.dtype == np.float32 and frame.picture.shape == (1200, 1600)
         assert [disc.peg for disc in frame.discs] == [1, 2, 3, 4, 0, 0, 0]
-        low, high = score.RADIUS_RANGE
+        low, high = scenes.RADIUS_RANGE
         assert [low <= radius <= high for radius in radii[name]] == [True] * 4 + [False] * 3
-        assert score.BLUR[0] ** 2 < frame.edge_width**2 - 1 / 12 < score.BLUR[1] ** 2
+        assert scenes.BLUR[0] ** 2 < frame.edge_width**2 - 1 / 12 < scenes.BLUR[1] ** 2
     assert np.ptp(radii["clean"][:4]) < 1.5 < np.ptp(radii["tilt"][:4])
 
 
 def test_frames_are_the_same_every_time_and_no_two_are_alike(frames):
-    again, other = score.draw_frame(CLEAN, 0), score.draw_frame(CLEAN, 1)
+    again, other = scenes.draw_frame(CLEAN, 0), scenes.draw_frame(CLEAN, 1)
     assert (again.picture == frames["clean"].picture).all()
     assert (other.picture != again.picture).any()
     assert (frames["tilt"].picture != again.picture).any()
@@ -60,7 +60,7 @@ def test_bound_is_the_information_in_a_drawn_disc():
         pictures = [draw_ellipses((101, 101), [disc], oversample=8) for disc in discs]
         slope = (pictures[1] - pictures[0]) / (2 * step)
         information.append((slope**2).sum() / (5**2 + 1 / 12))
-    bound = score.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
+    bound = bounds.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
     assert_allclose(1 / np.sqrt(information), [bound, bound / np.sqrt(2)], rtol=0.02)
     assert_allclose(bound, center_bound(30, 100, 0.9, 5))
 
@@ -72,7 +72,7 @@ def test_fits_of_drawn_discs_reach_the_bound():
         x, y = 50 + rng.uniform(-0.5, 0.5, 2)
         image = to_uint8(draw_ellipses((101, 101), [(x, y, 30, 30, 0)]), 5, rng)
         discs = fit_discs(image, SimpleNamespace(centers=[[50.0, 50.0]], radii=[30.0]))
-        bound = score.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
+        bound = bounds.center_bound(30, 100, np.sqrt(0.9**2 + 1 / 12), 5)
         errors.append(np.append(discs.centers[0] - [x, y], (discs.radii[0] - 30) * np.sqrt(2)) / bound)
     assert 0.8 < np.sqrt(np.mean(np.square(errors))) < 1.25
 
@@ -99,7 +99,7 @@ def test_bound_of_an_arc_is_that_of_a_fit_to_it():
     """A simulated fit of centre, radius and shape to noisy edge points of three quarters of a circle."""
     t, outline = _circle_points()
     visible = np.abs(t - np.pi) < 0.75 * np.pi
-    share, arc = score._arc_shape(visible, outline)
+    share, arc = bounds._arc_shape(visible, outline)
     assert_allclose(share, 0.75, atol=0.01)
     design = np.column_stack([np.cos(t), np.sin(t), np.ones_like(t), np.cos(2 * t), np.sin(2 * t)])
     noise = np.random.default_rng(0).normal(size=(len(t), 4000))
@@ -110,8 +110,8 @@ def test_bound_of_an_arc_is_that_of_a_fit_to_it():
 
 def test_bound_of_too_short_an_arc_is_infinite():
     t, outline = _circle_points()
-    assert np.isinf(score._arc_shape(t < 0.2, outline)[1]).all()
-    assert np.isinf(score._arc_shape(np.zeros(len(t), bool), outline)[1]).all()
+    assert np.isinf(bounds._arc_shape(t < 0.2, outline)[1]).all()
+    assert np.isinf(bounds._arc_shape(np.zeros(len(t), bool), outline)[1]).all()
 
 
 # ---- scores ----
@@ -120,8 +120,8 @@ def test_bound_of_too_short_an_arc_is_infinite():
 def _frame(*discs):
     """A frame with discs x, y, radius; the first two are pegs."""
     truths = [TrueDisc(np.array([x, y]), np.pi * r * r, r) for x, y, r in discs]
-    made = [score.Disc(t, k + 1 if k < 2 else 0, 1.0, np.array([1.5, 1.5, 2.0])) for k, t in enumerate(truths)]
-    return score.Frame(None, made, 100.0, 1.0)
+    made = [scenes.Disc(t, k + 1 if k < 2 else 0, 1.0, np.array([1.5, 1.5, 2.0])) for k, t in enumerate(truths)]
+    return scenes.Frame(None, made, 100.0, 1.0)
 
 
 def _found(rows, sigmas=None):
@@ -152,7 +152,7 @@ def test_what_is_off_by_more_than_a_tenth_is_not_detected(offset):
 def test_errors_are_divided_by_bound_arc_bound_and_sigma():
     sigmas = np.array([[0.1, 0.2, 0.4]])
     rows, _ = score.score(FRAME, _found([(100.2, 100.2, 50.2)], sigmas), 5)
-    bound = score.center_bound(50, 100, 1.0, 5)
+    bound = bounds.center_bound(50, 100, 1.0, 5)
     peg, found, visible, arc, *errors = rows[0]
     assert (peg, found, visible, arc) == (1, True, 1.0, 1.5)
     ratios = np.array([1, 1, np.sqrt(2)]) * 0.2 / bound
@@ -164,25 +164,25 @@ def test_errors_are_divided_by_bound_arc_bound_and_sigma():
 def test_nothing_found_is_scored_without_a_warning():
     rows, false_positives = score.score(FRAME, _found([]), 5)
     assert [row[1] for row in rows] == [False] * 3 and false_positives == 0
-    table = score.summarize(
-        pd.DataFrame([("clean", 5, 0, detectors.OURS, 0.01, 0)], columns=score.FRAME_COLUMNS),
-        pd.DataFrame([("clean", 5, 0, detectors.OURS, *row) for row in rows], columns=score.DISC_COLUMNS),
+    table = statistics.summarize(
+        pd.DataFrame([("clean", 5, 0, peers.OURS, 0.01, 0)], columns=score.FRAME_COLUMNS),
+        pd.DataFrame([("clean", 5, 0, peers.OURS, *row) for row in rows], columns=score.DISC_COLUMNS),
     )
     assert table["detection"][0] == 0 and table[["center", "center_rms", "coverage"]].isna().all(axis=None)
 
 
 def test_statistics_of_normal_errors():
     values = np.random.default_rng(1).normal(size=200_000)
-    assert_allclose([score._rms(values), score._robust_rms(values), score._spread(values)], 1, atol=0.01)
-    assert_allclose(score._coverage(values), 95, atol=0.2)
-    assert np.isnan(score._coverage(np.full(3, np.nan)))
+    assert_allclose([statistics._rms(values), statistics._robust_rms(values), statistics._spread(values)], 1, atol=0.01)
+    assert_allclose(statistics._coverage(values), 95, atol=0.2)
+    assert np.isnan(statistics._coverage(np.full(3, np.nan)))
 
 
 def test_time_ratio_is_that_of_the_same_frame():
     rows = [("clean", 5, k, name, seconds, 0) for k in range(5) for name, seconds in
-            ((detectors.OURS, 0.03 * 10**k), (detectors.REFERENCE, 0.01 * 10**k))]  # fmt: skip
+            ((peers.OURS, 0.03 * 10**k), (peers.REFERENCE, 0.01 * 10**k))]  # fmt: skip
     frames = pd.DataFrame(rows, columns=score.FRAME_COLUMNS)
-    table = score.summarize(frames, pd.DataFrame([], columns=score.DISC_COLUMNS).astype({"found": bool}))
+    table = statistics.summarize(frames, pd.DataFrame([], columns=score.DISC_COLUMNS).astype({"found": bool}))
     assert_allclose(table["time_ratio"], [3, 1])
     assert_allclose(table["ms"], [3000, 1000])
 
@@ -190,12 +190,12 @@ def test_time_ratio_is_that_of_the_same_frame():
 # ---- methods ----
 
 
-@pytest.mark.parametrize("name", [n for n, m in detectors.METHODS.items() if m.module == "cv2" or m.share == 1])
+@pytest.mark.parametrize("name", [n for n, m in peers.METHODS.items() if m.module == "cv2" or m.share == 1])
 def test_every_fast_method_finds_the_clean_pegs(name, frames):
-    method = detectors.METHODS[name]
-    if detectors.missing(method):
-        pytest.skip(detectors.missing(method))
-    found, seconds = detectors.run(method, raycast.expose(frames["clean"].picture, 2, 0), score.RADIUS_RANGE)
+    method = peers.METHODS[name]
+    if peers.missing(method):
+        pytest.skip(peers.missing(method))
+    found, seconds = peers.run(method, raycast.expose(frames["clean"].picture, 2, 0), scenes.RADIUS_RANGE)
     rows, false_positives = score.score(frames["clean"], found, 2)
     assert all(row[1] for row in rows) and len(rows) == 4
     assert false_positives == 0 and seconds > 0
@@ -206,16 +206,16 @@ def _small_picture():
     return to_uint8(picture, 1, 0)
 
 
-@pytest.mark.parametrize("name", detectors.METHODS)
+@pytest.mark.parametrize("name", peers.METHODS)
 def test_methods_keep_to_the_range_and_bear_empty_pictures(name):
-    method = detectors.METHODS[name]
-    if detectors.missing(method):
-        pytest.skip(detectors.missing(method))
-    found, _ = detectors.run(method, _small_picture(), (40, 60))
+    method = peers.METHODS[name]
+    if peers.missing(method):
+        pytest.skip(peers.missing(method))
+    found, _ = peers.run(method, _small_picture(), (40, 60))
     assert len(found) == 1
     assert_allclose(found.centers[0], [70.3, 74.8], atol=1.5)
     assert_allclose(found.radii[0], 45, atol=1.5)
-    assert len(detectors.run(method, np.full((150, 220), 60, np.uint8), (40, 60))[0]) == 0
+    assert len(peers.run(method, np.full((150, 220), 60, np.uint8), (40, 60))[0]) == 0
 
 
 def test_radius_sigma_is_first_order_in_the_axes():
@@ -228,29 +228,29 @@ def test_radius_sigma_is_first_order_in_the_axes():
 
 def test_missing_packages_are_named(monkeypatch, tmp_path):
     monkeypatch.setattr(environment, "VENV", tmp_path)
-    method = detectors.METHODS["EdgeDrawing"]
-    assert detectors.missing(method) == "opencv-contrib-python-headless is not installed"
-    assert detectors.version(method) == ""
-    monkeypatch.setattr(detectors.importlib.util, "find_spec", lambda _: None)
-    assert "scikit-image" in detectors.missing(detectors.METHODS["skimage hough_circle"])
+    method = peers.METHODS["EdgeDrawing"]
+    assert peers.missing(method) == "opencv-contrib-python-headless is not installed"
+    assert peers.version(method) == ""
+    monkeypatch.setattr(peers.importlib.util, "find_spec", lambda _: None)
+    assert "scikit-image" in peers.missing(peers.METHODS["skimage hough_circle"])
     names = ("EdgeDrawing", "skimage hough_circle")
-    assert score.describe_methods(names, names)["missing"][0] == detectors.missing(method)
+    assert resources.describe_methods(names, names)["missing"][0] == peers.missing(method)
     assert score._methods_for(names, 0, 10) == []
 
 
 def test_slow_methods_get_the_first_frames_only(monkeypatch):
-    monkeypatch.setattr(detectors, "missing", lambda _: "")
-    chosen = [name for k in range(200) for name in score._methods_for(detectors.METHODS, k, 200)]
-    counts = {name: chosen.count(name) for name in detectors.METHODS}
+    monkeypatch.setattr(peers, "missing", lambda _: "")
+    chosen = [name for k in range(200) for name in score._methods_for(peers.METHODS, k, 200)]
+    counts = {name: chosen.count(name) for name in peers.METHODS}
     assert {counts[name] for name in FAST} == {200}
     assert counts["skimage hough_circle"] == counts["find_circles accumulator"] == 8
     assert counts["find_circles two-stage"] == 20
-    assert "skimage hough_circle" in score._methods_for(detectors.METHODS, 0, 1)
+    assert "skimage hough_circle" in score._methods_for(peers.METHODS, 0, 1)
 
 
 def test_every_detector_has_a_style_of_its_own():
-    assert set(plotting.DETECTORS) == set(detectors.METHODS)
-    assert len(set(plotting.DETECTORS.values())) == len(detectors.METHODS)
+    assert set(plotting.DETECTORS) == set(peers.METHODS)
+    assert len(set(plotting.DETECTORS.values())) == len(peers.METHODS)
 
 
 # ---- measuring ----
@@ -259,13 +259,13 @@ def test_every_detector_has_a_style_of_its_own():
 def test_a_run_measures_every_method_on_every_frame(measured):
     frames, discs = measured
     assert len(frames) == 2 * 2 * len(FAST) and len(discs) == 4 * len(frames)
-    table = score.summarize(frames, discs).set_index(["method", "noise"])
+    table = statistics.summarize(frames, discs).set_index(["method", "noise"])
     assert (table["detection"] == 100).all() and (table["frames"] == 2).all() and (table["ms"] > 0).all()
-    assert (table.loc[detectors.REFERENCE, "time_ratio"] == 1).all()
+    assert (table.loc[peers.REFERENCE, "time_ratio"] == 1).all()
     for noise in (1, 5):
-        ours = table.loc[(detectors.OURS, noise)]
+        ours = table.loc[(peers.OURS, noise)]
         assert 0.3 < ours["center_rms"] < 2 and 0.3 < ours["center_sd"] < 2
-        assert table.loc[(detectors.REFERENCE, noise), "center_rms"] > 10
+        assert table.loc[(peers.REFERENCE, noise), "center_rms"] > 10
     assert table["coverage"].notna().sum() == 2
 
 
@@ -277,11 +277,11 @@ def test_the_same_frames_give_the_same_errors(measured):
 
 
 def test_threads_of_opencv_are_given_back():
-    before = score.cv2.getNumThreads()
+    before = bounds.cv2.getNumThreads()
     with pytest.raises(ZeroDivisionError), score.one_thread():
-        assert score.cv2.getNumThreads() == 1
+        assert bounds.cv2.getNumThreads() == 1
         raise ZeroDivisionError
-    assert score.cv2.getNumThreads() == before
+    assert bounds.cv2.getNumThreads() == before
 
 
 def test_memory_is_that_of_the_call(tmp_path):
@@ -298,8 +298,8 @@ def test_memory_is_that_of_the_call(tmp_path):
 
 
 def test_larger_pictures_show_the_same_scene():
-    small, large = score._camera(), score._scaled(score._camera(), 1.5)
-    point, pose = [[10.0, -20.0, 3.0]], score._pose(TILT, np.random.default_rng(0))
+    small, large = scenes._camera(), resources._scaled(scenes._camera(), 1.5)
+    point, pose = [[10.0, -20.0, 3.0]], scenes._pose(TILT, np.random.default_rng(0))
     center = np.add(small.principal_point, 0.5)
     expected = (small.project(point, pose) + 0.5 - center) * 1.5 + center * 1.5 - 0.5
     assert large.image_size == (2400, 1800)
@@ -308,5 +308,5 @@ def test_larger_pictures_show_the_same_scene():
 
 def test_growth_is_the_exponent():
     sizes = np.array([0.5, 2.0, 8.0])
-    table = pd.DataFrame({"megapixels": sizes, "method": detectors.OURS, "ms": 7 * sizes**1.3})
-    assert_allclose(score.growth(table), 1.3)
+    table = pd.DataFrame({"megapixels": sizes, "method": peers.OURS, "ms": 7 * sizes**1.3})
+    assert_allclose(resources.growth(table), 1.3)

@@ -3,9 +3,9 @@
 import pandas as pd
 import pytest
 
-from pegpose_lab.bench import detectors, report, score, tuning
+from pegpose_lab.bench import FULL, QUICK, peers, scenes, tuning
 
-PEERS = [name for name, method in detectors.METHODS.items() if method.module != "pegpose_lab"]
+PEERS = [name for name, method in peers.METHODS.items() if method.module != "pegpose_lab"]
 
 
 def _table(*rows):
@@ -47,12 +47,12 @@ def test_the_second_rank_is_the_choice_among_the_rest():
 def test_peers_have_the_first_settings_of_the_committed_ranking():
     ranking = tuning.load_settings()
     first = ranking[ranking["rank"] == 1].set_index("peer")["settings"]
-    assert dict(first) == {name: detectors.METHODS[name].settings for name in PEERS}
+    assert dict(first) == {name: peers.METHODS[name].settings for name in PEERS}
 
 
 def test_committed_ranking_is_that_of_its_scores_and_of_the_whole_grid():
     """Ranked again from the grid's order; its numbers are rounded, so that ties may turn only behind the first."""
-    ranking, frames = tuning.load_settings(), tuning.FRAMES * len(score.MAIN)
+    ranking, frames = tuning.load_settings(), tuning.FRAMES * len(scenes.MAIN)
     assert list(tuning.GRIDS) == PEERS
     for name, part in ranking.groupby("peer"):
         grid = [method.settings for method in tuning.candidates(name)]
@@ -63,7 +63,7 @@ def test_committed_ranking_is_that_of_its_scores_and_of_the_whole_grid():
 
 
 def test_frames_are_not_the_benchmarks():
-    most = max(frames for plan in (report.FULL, report.QUICK) for frames, _ in plan.cells.values())
+    most = max(frames for plan in (FULL, QUICK) for frames, _ in plan.cells.values())
     assert most < tuning.FIRST_FRAME and most + tuning.FRAMES < 10**6
 
 
@@ -72,7 +72,7 @@ def test_a_trial_counts_and_measures(monkeypatch, tmp_path):
     name = "contours + fitEllipse"
     grid = {"smoothing": (1,), "threshold": (100, 250), "ratio": (0.8,)}
     monkeypatch.setattr(tuning, "GRIDS", {name: grid})
-    table = tuning.try_settings((name,), scenes=score.MAIN[:1], frames=1, workers=1)
+    table = tuning.try_settings((name,), scenes=scenes.MAIN[:1], frames=1, workers=1)
     good, bad = table.itertuples()
     assert (good.frames, good.pegs, good.missed, good.false) == (1, 4, 0, 0)
     assert (bad.pegs, bad.missed) == (4, 4) and bad.error == float("inf")

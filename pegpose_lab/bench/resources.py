@@ -1,0 +1,134 @@
+"""Memory of one frame, and time against the picture's size."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+from tqdm import tqdm
+
+from ..render import expose
+from . import contrib, peers
+from .scenes import MAIN, RADIUS_RANGE, _camera, draw_frame
+from .score import _match, one_thread
+
+
+def peak_memory(method):
+    """Megabytes that a method needs for one 1600 x 1200 px frame above a process with all imports.
+
+    A fresh process loads the frame, lets the method run on a small part of it, and tells by how much the peak
+    of its memory during the whole frame lies above what it held before.
+    """
+    with tempfile.TemporaryDirectory(prefix="pegpose_") as folder:
+        path = Path(folder, "frame.npy")
+        np.save(path, expose(draw_frame(MAIN[1], 0).picture, 5, 0))
+        code = "import sys; from pegpose_lab.bench import resources; resources.tell_memory(*sys.argv[1:])"
+        served = method.module == peers.CONTRIB_MODULE
+        variables = contrib.contrib_variables() if served else dict(os.environ)
+        command = [sys.executable, "-c", code, method.name, path]
+        return float(subprocess.run(command, env=variables, check=True, capture_output=True, text=True).stdout)
+
+
+def tell_memory(name, path):
+    """Print what `peak_memory` asks for; runs in a process of its own."""
+    cv2.setNumThreads(1)
+    image, method = np.load(path), peers.METHODS[name]
+    peers.run(method, np.ascontiguousarray(image[:200, :200]), RADIUS_RANGE)
+    before = _memory("VmRSS")
+    peers.run(method, image, RADIUS_RANGE)
+    print(max(_memory("VmHWM") - before, 0.0))
+
+
+def _memory(field):
+    """Resident memory now (VmRSS) or its peak (VmHWM), MB.
+
+    Elsewhere than on Linux the peak stands for both.  On Linux getrusage's peak is that of the parent process, if
+    that was larger.
+    """
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        return int(status.split(field + ":")[1].split()[0]) / 1024
+    except OSError:
+        import resource
+
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def measure_sizes(sizes, *, methods=(peers.OURS, peers.REFERENCE), repeats=3):
+    """Time against the picture's size: the same scene with more pixels, radii and range in proportion.
+
+    Parameters
+    ----------
+    sizes : sequence of float
+        Megapixels.
+    methods : sequence of str
+    repeats : int
+
+    Returns
+    -------
+    DataFrame
+        megapixels, method, ms (median), ms_per_megapixel, pegs (detected, of four).
+    """
+    rows = []
+    with one_thread():
+        for size in tqdm(sizes, unit="size", desc="sizes ", disable=None):
+            camera = _scaled(_camera(), np.sqrt(1e6 * size / np.prod(_camera().image_size)))
+            frame = draw_frame(MAIN[0], 0, camera)
+            image = expose(frame.picture, 5, 0)
+            scale = camera.image_size[0] / _camera().image_size[0]
+            limits = tuple(scale * radius for radius in RADIUS_RANGE)
+            times, pegs = {name: [] for name in methods}, {}
+            for _ in range(repeats + 1):
+                for name in methods:
+                    found, seconds = peers.run(peers.METHODS[name], image, limits)
+                    times[name].append(seconds)
+                    pegs[name] = _detected_pegs(frame, found)
+            for name, seconds in times.items():
+                ms = 1e3 * float(np.median(seconds[1:]))  # the first run warms up
+                rows.append((image.size / 1e6, name, ms, ms / (image.size / 1e6), pegs[name]))
+    return pd.DataFrame(rows, columns=["megapixels", "method", "ms", "ms_per_megapixel", "pegs"])
+
+
+def _detected_pegs(frame, found):
+    """How many of the frame's pegs a method detected."""
+    free = np.ones(len(found), bool)
+    return sum(_match(disc.truth, found, free) is not None for disc in frame.discs if disc.peg)
+
+
+def _scaled(camera, scale):
+    """The same camera with `scale` times the pixels along each axis."""
+    width, height = (round(scale * length) for length in camera.image_size)
+    pitch = tuple(np.divide(camera.pixel_pitch, scale).tolist())
+    middle = ((width - 1) / 2, (height - 1) / 2)
+    return replace(camera, image_size=(width, height), pixel_pitch=pitch, principal_point=middle)
+
+
+def growth(sizes, method=peers.OURS):
+    """Exponent of time over size: the slope of ln(ms) over ln(megapixels)."""
+    rows = sizes[sizes["method"] == method]
+    return exponent(rows["megapixels"], rows["ms"])
+
+
+def exponent(size, time):
+    """Slope of ln(time) over ln(size): 1 where time grows linearly."""
+    return float(np.polyfit(np.log(size), np.log(time), 1)[0])
+
+
+# ---- methods ----
+
+
+def describe_methods(methods, memory):
+    """Package, version, settings, memory (MB; NaN where the name is not in `memory`) of each method, and why it is
+    missing if it is."""
+    rows = []
+    for name in methods:
+        method = peers.METHODS[name]
+        reason = peers.missing(method)
+        megabytes = np.nan if reason or name not in memory else peak_memory(method)
+        rows.append((name, method.package, peers.version(method), method.settings, megabytes, reason))
+    return pd.DataFrame(rows, columns=["method", "package", "version", "settings", "memory_mb", "missing"])
