@@ -64,6 +64,40 @@ Importing ``pegpose_lab`` itself imports nothing beyond the standard library, so
 """
 
 import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # for tools; a name is loaded on its first use
+    from .calibration import Calibration as Calibration
+    from .calibration import board_pose as board_pose
+    from .calibration import board_poses as board_poses
+    from .calibration import calibrate_dlt as calibrate_dlt
+    from .calibration import calibrate_genetic as calibrate_genetic
+    from .calibration import calibrate_joint as calibrate_joint
+    from .calibration import calibrate_tsai as calibrate_tsai
+    from .calibration import calibrate_zhang as calibrate_zhang
+    from .calibration import optimum_in_box as optimum_in_box
+    from .calibration import profile_focal_length as profile_focal_length
+    from .calibration import weakest_direction as weakest_direction
+    from .camera import OpenCVCamera as OpenCVCamera
+    from .camera import TsaiCamera as TsaiCamera
+    from .checks import CalibrationError as CalibrationError
+    from .checks import DetectionError as DetectionError
+    from .circles import Circles as Circles
+    from .circles import find_circles as find_circles
+    from .corners import find_corners as find_corners
+    from .discs import Discs as Discs
+    from .discs import fit_discs as fit_discs
+    from .pegs import PegObservation as PegObservation
+    from .pegs import locate_pegs as locate_pegs
+    from .pegs import track_pegs as track_pegs
+    from .pose import HubPose as HubPose
+    from .pose import estimate_pose as estimate_pose
+    from .render import render_board as render_board
+    from .render import render_hub as render_hub
+    from .segmentation import Segmentation as Segmentation
+    from .segmentation import segment as segment
+    from .targets import Checkerboard as Checkerboard
+    from .targets import Hub as Hub
 
 __version__ = "0.1.0"
 

@@ -18,8 +18,9 @@ settings.load_profile("pegpose_lab")
 # Modules of tests that compare computed digits with stored ones, or with an exact truth: they are run on every emulated
 # processor (`pegpose_lab.lab.notebooks.processors`).
 DIGITS = {
-    "test_calibration", "test_company", "test_genetic", "test_joint", "test_measured", "test_monte_carlo", "test_pose",
-    "test_tsai",
+    "test_bundle", "test_calibration_files", "test_company", "test_genetic", "test_joint", "test_little_tilt",
+    "test_many_views", "test_measured", "test_monte_carlo", "test_objective", "test_operators", "test_oracle", "test_pose",
+    "test_profile", "test_stages", "test_tsai", "test_unusable_views",
 }  # fmt: skip
 
 

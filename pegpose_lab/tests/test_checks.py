@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from pegpose_lab import CalibrationError, find_circles, segment
-from pegpose_lab.checks import as_choice, as_count, as_number, as_points, as_views, outside, undetermined_if_singular
+from pegpose_lab.checks import (
+    as_choice,
+    as_count,
+    as_number,
+    as_points,
+    as_views,
+    outside,
+    undetermined_if_singular,
+)
 
 
 @pytest.mark.parametrize("value", [4, 4.0, np.int64(4), np.uint8(4), np.float32(4), np.array(4)])

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.segmentation import segment
-from pegpose_lab.tests.discs import draw_ellipses, scenes, to_uint8
+from pegpose_lab.tests.pictures import draw_ellipses, scenes, to_uint8
 
 SHAPE = (360, 400)
 PEGS = [(140.0, 120.0), (260.0, 125.0), (255.0, 240.0), (145.0, 235.0)]

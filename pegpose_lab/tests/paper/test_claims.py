@@ -1,4 +1,4 @@
-"""Rules, verdicts and the forms in which the claims table is written."""
+"""Rules and verdicts."""
 
 from fnmatch import fnmatchcase
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Disc fits against known ellipses: bias, the Cramer-Rao bound, honest sigmas, reasons."""
+"""Disc fits against known ellipses: bias, the Cramer-Rao bound, honest sigmas, rejections."""
 
 from collections import Counter
 from types import SimpleNamespace
@@ -12,7 +12,7 @@ from scipy.special import ndtr
 from pegpose_lab.circles import find_circles
 from pegpose_lab.discs import fit_discs, ground, measure, model, refit, ring, start
 from pegpose_lab.discs.ellipse import _Ellipse
-from pegpose_lab.tests.discs import SEEDS, TURNS, center_bound, draw_ellipses, scenes, to_uint8
+from pegpose_lab.tests.pictures import SEEDS, TURNS, center_bound, draw_ellipses, scenes, to_uint8
 
 GRID = [(80 + 130 * i, 80 + 130 * j) for i in range(4) for j in range(4)]
 SHAPE = (550, 550)

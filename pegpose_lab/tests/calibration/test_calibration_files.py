@@ -1,4 +1,4 @@
-"""Calibration: known cameras and noise floors recovered, the genetic algorithm judged by an oracle, real data."""
+"""What a calibration says, and that its files give it back."""
 
 import json
 import re

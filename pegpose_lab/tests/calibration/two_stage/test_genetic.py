@@ -1,4 +1,4 @@
-"""The genetic algorithm: each operator against the paper's formula as a loop, and the whole on known functions."""
+"""The genetic algorithm as a whole, on known functions."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The three Hough transforms against literal loops, and what every search promises."""
+"""What `find_circles` promises of any picture."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from pegpose_lab.circles import METHODS, Circles, circle_accumulator, find_circl
 from pegpose_lab.circles import votes as votes_file
 from pegpose_lab.circles.edges import _Gradient
 from pegpose_lab.circles.peaks import _regional_peaks
-from pegpose_lab.tests.discs import SEEDS, TURNS, Scene, draw_ellipses, scenes, to_uint8
+from pegpose_lab.tests.pictures import SEEDS, TURNS, Scene, draw_ellipses, scenes, to_uint8
 
 TRUTH = np.array([(40.3, 44.8, 14.0), (95.6, 50.2, 18.0), (62.1, 101.4, 16.0)])
 RANGE = (10, 22)

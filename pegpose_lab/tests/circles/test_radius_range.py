@@ -5,7 +5,7 @@ import pytest
 
 from pegpose_lab.circles import METHODS, circle_accumulator, find_circles
 from pegpose_lab.circles.own_radius import end_tolerance, own_radius
-from pegpose_lab.tests.discs import draw_quickly, to_uint8
+from pegpose_lab.tests.pictures import draw_quickly, to_uint8
 
 BEYOND = 0.05  # part of the radius: the tolerance of 3 % and the error of the estimate
 

@@ -1,4 +1,4 @@
-"""The commands: set-up, running notebooks, the command line, the lock."""
+"""Set-up: made once, made anew where it is broken, by whatever tool there is."""
 
 import ast
 import os

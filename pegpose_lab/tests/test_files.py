@@ -1,4 +1,4 @@
-"""Where results are written, and that nobody meets half a file."""
+"""Files are replaced as a whole, and nobody meets half a file."""
 
 import os
 import stat

@@ -1,4 +1,4 @@
-"""The joint solution: exact derivatives, the Schur complement against a dense solution, OpenCV's results, outliers."""
+"""The joint solution: real views, honest sigmas, what is not determined."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Corners: order, accuracy on rendered boards, real photographs, bad input."""
+"""Corners: order, accuracy on rendered boards, real photographs, errors."""
 
 import cv2
 import numpy as np

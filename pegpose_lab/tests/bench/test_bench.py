@@ -16,8 +16,6 @@ from pegpose_lab.bench.plan import Report
 from pegpose_lab.bench.report import load, readme_is_current
 from pegpose_lab.lab import environment, installers
 
-# ---- report ----
-
 
 def _report(**changes):
     """A report of one row for each scene, at the targets, or with changes."""
