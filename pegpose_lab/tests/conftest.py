@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from pegpose_lab import __main__ as commands
 from pegpose_lab.__main__ import FIXED_VARIABLES
+from pegpose_lab.lab import environment
 from pegpose_lab.lab.environment import CHECKOUT
 from pegpose_lab.lab.notebooks import running
 
@@ -59,3 +61,14 @@ def data_folder(variables):
 def pegpose_data():
     """The folder of third-party data (Path)."""
     return data_folder(os.environ)
+
+
+@pytest.fixture
+def checkout(tmp_path, monkeypatch):
+    """A checkout with a lock only."""
+    (tmp_path / "environment.txt").write_text("numpy==2.4.6\n")
+    monkeypatch.setattr(commands, "CHECKOUT", tmp_path)
+    monkeypatch.setattr(environment, "CHECKOUT", tmp_path)
+    monkeypatch.setattr(environment, "LOCK", tmp_path / "environment.txt")
+    monkeypatch.setattr(environment, "VENV", tmp_path / ".venv")
+    return tmp_path

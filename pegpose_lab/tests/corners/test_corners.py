@@ -5,37 +5,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import RigidTransform, Rotation
 
-from pegpose_lab.camera import TsaiCamera
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.corners import find_corners
-from pegpose_lab.corners import grid as grid_file
 from pegpose_lab.corners.find import _check, _fit
-from pegpose_lab.corners.fit import CornerFits, edge_crossing, fit_corners
-from pegpose_lab.corners.grid import candidate_grids
-from pegpose_lab.corners.whole_board import check_ends, check_fields
+from pegpose_lab.corners.fit import CornerFits
 from pegpose_lab.paper import paper_experiment
-from pegpose_lab.render import render_board
 from pegpose_lab.render.board import BoardLook
 from pegpose_lab.study import measured, photographs
 from pegpose_lab.targets import Checkerboard
-
-CAMERA = TsaiCamera(50.0, (0.075, 0.075), (319.5, 239.5), (640, 480), kappa1=1e-5)
-
-
-def pose_of(board, tilt=(8.0, -12.0), turn=0.0, depth=700.0):
-    """A board in the middle of the picture, turned about the viewing direction (degrees)."""
-    rotation = Rotation.from_euler("z", turn, degrees=True) * Rotation.from_euler("xy", tilt, degrees=True)
-    return RigidTransform.from_components([0, 0, depth] - rotation.apply(board.center), rotation)
-
-
-def seen(board, pose, **scene):
-    return render_board(CAMERA, pose, board, **({"rng": 3} | scene)), CAMERA.project(board.object_points, pose)
-
-
-def distances(corners, truth):
-    return np.linalg.norm(corners - truth, axis=1)
+from pegpose_lab.tests.corners.boards import distances, pose_of, seen
 
 
 def test_paper_boards_are_measured_to_hundredths_of_a_pixel():
@@ -121,93 +100,6 @@ def test_uneven_light_does_not_pull_corners():
     assert distances(find_corners(uneven, board), truth).mean() < even + 0.004
 
 
-VARIANCES = 1.2, 0.6, 0.15, 0.05, -0.08, -0.3, -1.0  # blurred, in between, sharpened
-
-
-@pytest.mark.parametrize("variance", VARIANCES)
-def test_derivatives_of_the_model(variance):
-    lattice = np.indices((9, 9)).reshape(2, -1)[::-1] - 4.0
-    parameters = np.array([[0.3, -0.2, 0.2, 1.9, variance, 120.0, -80.0, 0.4, -0.3]])
-    jacobian = edge_crossing(parameters, lattice)[1][0]
-    for k in range(9):
-        step = np.zeros(9)
-        step[k] = 1e-6
-        ahead, behind = (edge_crossing(parameters + sign * step, lattice)[0][0] for sign in (1, -1))
-        np.testing.assert_allclose(jacobian[:, k], (ahead - behind) / 2e-6, atol=1e-5)
-
-
-@pytest.mark.parametrize("variance", VARIANCES)
-def test_fit_recovers_the_model_exactly(variance):
-    lattice = np.indices((17, 17)).reshape(2, -1)[::-1] - 8.0
-    truth = np.array([[0.31, -0.27, 0.1, 1.75, variance, 120.0, -90.0, 0.5, -0.2]])
-    values = edge_crossing(truth, lattice)[0]
-    fits = fit_corners(values, np.ones_like(values), lattice, np.array([[0.0, 0.0, 0.0, np.pi / 2]]))
-    assert fits.converged.all()
-    np.testing.assert_allclose(fits.parameters, truth, atol=1e-5)
-
-
-def test_stated_sigma_is_that_of_the_errors():
-    lattice, rng = np.indices((17, 17)).reshape(2, -1)[::-1] - 8.0, np.random.default_rng(5)
-    truth = np.tile([0.31, -0.27, 0.1, 1.75, 0.8, 120.0, -90.0, 0.5, -0.2], (400, 1))
-    values = edge_crossing(truth, lattice)[0] + rng.normal(0, 5, (400, lattice.shape[1]))
-    fits = fit_corners(values, np.ones_like(values), lattice, np.tile([0.0, 0.0, 0.1, 1.75], (400, 1)))
-    assert fits.converged.all()
-    errors = fits.parameters[:, :2] - truth[:, :2]
-    assert abs(np.linalg.eigvalsh(np.cov(errors.T))[1] ** 0.5 / np.median(fits.sigma) - 1) < 0.12
-    assert abs(np.median(fits.misfit) / (5 / 90) - 1) < 0.05
-
-
-# ---- sharp edges ----
-
-
-def upright(degrees):
-    """A sharp board of 8 x 6 inner corners, face on, turned by some degrees, seen by square pixels; its corners."""
-    camera, board = TsaiCamera(50.0, (0.05, 0.05), (199.5, 159.5), (400, 320)), Checkerboard(8, 6, 20.0)
-    rotation = Rotation.from_euler("z", degrees, degrees=True)
-    pose = RigidTransform.from_components([0.13, 0.07, 625.0] - rotation.apply(board.center), rotation)
-    look = BoardLook(black=40, white=200, surroundings=200)
-    image = render_board(camera, pose, board, look=look, blur=0.0, noise=0.0)
-    return image, camera.project(board.object_points, pose)
-
-
-def sharpen(image, amount):
-    image = image.astype(np.float32)
-    image = image + amount * (image - cv2.GaussianBlur(image, (0, 0), 0.8))
-    return np.clip(np.rint(image), 0, 255).astype(np.uint8)
-
-
-def nearest_order(corners, truth):
-    return min(corners, corners[::-1], key=lambda order: distances(order, truth).mean())
-
-
-@pytest.mark.parametrize("degrees, amount, bound", [
-    (0.0, 0.0, 0.01), (0.7, 0.0, 0.01), (1.5, 0.0, 0.01), (3.0, 0.0, 0.005), (10.0, 0.0, 0.005),
-    (0.0, 1.0, 0.02), (0.7, 1.0, 0.01), (1.5, 1.0, 0.01), (3.0, 1.0, 0.01), (10.0, 1.0, 0.005),
-])  # fmt: skip
-def test_edges_sharper_than_a_pixel(degrees, amount, bound):
-    image, truth = upright(degrees)
-    corners = find_corners(sharpen(image, amount), Checkerboard())
-    assert distances(nearest_order(corners, truth), truth).mean() < bound
-
-
-def test_sharpened_and_noisy():
-    image, truth = upright(1.0)
-    noisy = sharpen(image, 1.0) + np.random.default_rng(2).normal(0, 5, image.shape)
-    corners = find_corners(np.clip(np.rint(noisy), 0, 255).astype(np.uint8), Checkerboard())
-    assert distances(nearest_order(corners, truth), truth).mean() < 0.03
-
-
-@pytest.mark.parametrize("levels", [(50, 180), (0, 255)])
-def test_two_levels_and_drawn_boards(levels):
-    image, truth = upright(2.0)
-    corners = find_corners(np.where(image > 120, levels[1], levels[0]).astype(np.uint8), Checkerboard())
-    assert distances(nearest_order(corners, truth), truth).max() < 0.2
-    squares = np.pad(np.kron(np.indices((7, 9)).sum(axis=0) % 2, np.ones((40, 40))), 40, constant_values=1)
-    drawn = np.where(squares, levels[1], levels[0]).astype(np.uint8)
-    truth = np.stack(np.meshgrid(np.arange(80, 400, 40), np.arange(80, 320, 40)), axis=-1).reshape(-1, 2) - 0.5
-    np.testing.assert_allclose(nearest_order(find_corners(drawn, Checkerboard()), truth), truth, atol=0.005)
-
-
 # ---- the image alone decides ----
 
 
@@ -219,129 +111,7 @@ def test_corners_do_not_depend_on_where_the_grid_was_found():
     assert np.ptp(found, axis=0).max() < 2e-5
 
 
-# ---- small, large, absent boards ----
-
-
-def pixels_searched(monkeypatch, image, board):
-    """How many pixels OpenCV's detectors are shown in all until `find_corners` gives up."""
-    shown = []
-
-    def counting(detect):
-        def wrapper(view, *args, **kwargs):
-            shown.append(view.size)
-            return detect(view, *args, **kwargs)
-
-        return wrapper
-
-    for name in ("findChessboardCorners", "findChessboardCornersSB", "findChessboardCornersSBWithMeta"):
-        monkeypatch.setattr(grid_file.cv2, name, counting(getattr(cv2, name)))
-    with pytest.raises(DetectionError, match="no board"):
-        find_corners(image, board)
-    monkeypatch.undo()
-    assert shown
-    return sum(shown)
-
-
-@pytest.mark.parametrize("shape", [(480, 640), (1500, 2000), (3000, 4000)])
-def test_search_is_bounded_by_construction(monkeypatch, shape):
-    lens_cap = np.clip(np.random.default_rng(0).normal(3, 2, shape), 0, 255).astype(np.uint8)
-    assert pixels_searched(monkeypatch, lens_cap, Checkerboard()) < 2.5e6
-
-
-def test_large_image():
-    board = Checkerboard(7, 6, 25.0)
-    camera = TsaiCamera(50.0, (0.0125, 0.0125), (1919.5, 1439.5), (3840, 2880), kappa1=1e-5)
-    pose = pose_of(board)
-    image = render_board(camera, pose, board, blur=2.0, rng=4)
-    assert distances(find_corners(image, board), camera.project(board.object_points, pose)).max() < 0.05
-
-
-def test_small_board_in_a_large_image():
-    board = Checkerboard(8, 6, 8.0)
-    image, truth = seen(board, pose_of(board, turn=15.0))  # squares of 7.6 px
-    large = np.full((1500, 2000), 120, np.uint8)
-    large[900:1380, 1300:1940] = image
-    assert distances(find_corners(large, board), truth + [1300, 900]).max() < 0.2
-
-
 # ---- boards of another size ----
-
-
-def test_a_part_of_a_board_is_refused():
-    board = Checkerboard(9, 7, 18.0)
-    image, truth = seen(board, pose_of(board, turn=20.0))
-    grid = truth.reshape(7, 9, 2)
-    check_ends(image, grid)
-    parts = {"left": grid[:, 1:], "right": grid[:, :-1], "upper": grid[1:], "lower": grid[:-1]}
-    for side, part in parts.items():
-        with pytest.raises(DetectionError, match=f"goes on beyond the grid of .* at its {side} side"):
-            check_ends(image, part)
-
-
-@pytest.mark.parametrize("margin", [0.1, 0.5, 2.0])
-def test_what_surrounds_a_whole_board_is_no_pattern(margin):
-    board = Checkerboard(6, 5, 20.0)
-    pose = pose_of(board, turn=33.0)
-    image, truth = seen(board, pose, look=BoardLook(margin=margin))
-    assert distances(find_corners(image, board), truth).max() < 0.2
-    stripes = image.copy()
-    stripes[:, :60:12] = 20  # something regular beside it
-    assert distances(find_corners(stripes, board), truth).max() < 0.2
-
-
-def test_longer_outer_squares_are_no_further_squares():
-    squares = np.kron(np.indices((7, 9)).sum(axis=0) % 2, np.ones((40, 40)))
-    longer = np.pad(np.pad(squares, 40, mode="edge"), 50, constant_values=1)  # the outer squares twice as long
-    image = cv2.GaussianBlur(np.where(longer, 200, 40).astype(np.uint8), (0, 0), 0.8)
-    corners = find_corners(image, Checkerboard())
-    np.testing.assert_allclose(corners[0], [129.5, 129.5], atol=0.01)
-
-
-def test_the_size_of_another_board_is_named():
-    board = Checkerboard(9, 7, 18.0)
-    image, _ = seen(board, pose_of(board))
-    for asked in (Checkerboard(8, 6), Checkerboard(9, 6), Checkerboard(10, 7)):
-        with pytest.raises(DetectionError, match="a board of 9 x 7 is seen"):
-            find_corners(image, asked)
-
-
-def test_a_board_partly_outside_gives_the_same_error_each_time():
-    board = Checkerboard(8, 6, 22.0)
-    image = seen(board, pose_of(board, turn=40.0))[0][:, 250:]
-    messages = set()
-    for _ in range(5):
-        with pytest.raises(DetectionError) as error:
-            find_corners(image, board)
-        messages.add(str(error.value))
-    assert len(messages) == 1
-
-
-@pytest.mark.parametrize("turn", [0.0, 25.0, 90.0])
-def test_interlaced_images_of_a_moving_board_are_refused(turn):
-    board = Checkerboard(7, 6, 25.0)
-    image, truth = seen(board, pose_of(board, turn=turn), noise=10.0)
-    check_fields(image, truth.reshape(6, 7, 2))
-    for shift in (3, 6):
-        combed = image.copy()
-        combed[1::2] = np.roll(image[1::2], shift, axis=1)
-        with pytest.raises(DetectionError, match="odd and even lines"):
-            check_fields(combed, truth.reshape(6, 7, 2))
-        with pytest.raises(DetectionError):
-            find_corners(combed, board)
-
-
-@pytest.mark.parametrize("outside", [(-0.5, 20.0), (20.0, 99.6), (500.0, 20.0)])
-def test_grids_outside_of_the_image_are_no_candidates(monkeypatch, outside):
-    image = np.zeros((100, 100), np.uint8)
-    grid = np.stack(np.meshgrid(np.arange(20.0, 80, 15), np.arange(20.0, 80, 15)), axis=-1)
-    monkeypatch.setattr(grid_file, "_views", lambda image: [(image, 1.0, np.zeros(2), [(found, 0)])])
-
-    def found(view, size, flags):
-        return True, grid.reshape(-1, 1, 2).astype(np.float32)
-
-    assert len(list(candidate_grids(image, 4, 4))) == 1
-    grid[0, 0] = outside
-    assert not list(candidate_grids(image, 4, 4))
 
 
 def test_nothing_found():
