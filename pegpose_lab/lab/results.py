@@ -11,10 +11,6 @@ import pandas as pd
 from ..checks import as_number
 from ..files import output_folder, replacing
 
-_LATEX = {character: "\\" + character for character in "&%_#${}"} | {
-    "\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"
-}
-
 
 def save_table(name, table, *, decimals=4):
     """Write a DataFrame as data/results/<name>.csv and .tex, numbers rounded to `decimals`."""
@@ -69,20 +65,8 @@ def load_values(folder=None):
 
 
 def latex(table):
-    """Return a DataFrame as a booktabs tabular."""
-    columns = "l" * table.select_dtypes(exclude="number").shape[1] + "r" * table.select_dtypes("number").shape[1]
-    rows = [[_latex_cell(value) for value in row] for row in table.itertuples(index=False)]
-    lines = [" & ".join(cells) + r" \\" for cells in [[_latex_cell(name) for name in table.columns], *rows]]
-    return "\n".join(
-        [rf"\begin{{tabular}}{{{columns}}}", r"\toprule", lines[0], r"\midrule", *lines[1:], r"\bottomrule",
-         r"\end{tabular}", ""]
-    )
-
-
-def _latex_cell(value):
-    """One cell as LaTeX text."""
-    text = f"{value:g}" if isinstance(value, float) else str(value)
-    return "".join(_LATEX.get(character, character) for character in text)
+    """Return a DataFrame as a booktabs tabular, numbers to six digits."""
+    return table.to_latex(index=False, escape=True, float_format="{:g}".format, na_rep="nan")
 
 
 def update_block(path, name, text):

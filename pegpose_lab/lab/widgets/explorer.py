@@ -1,16 +1,15 @@
 """Controls over a picture that follows them."""
 
-import textwrap
+import html
 
 import cv2
 import ipywidgets
-import numpy as np
 from IPython.display import Image, display
 
 from ...checks import CalibrationError, DetectionError
 
 SHOWN_WIDTH = 800  # px, of every picture
-FONT, LINE_HEIGHT, TEXT_LINES, LINE_LENGTH = cv2.FONT_HERSHEY_SIMPLEX, 22, 3, 88
+FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 class Explorer(ipywidgets.VBox):
@@ -33,19 +32,20 @@ class Explorer(ipywidgets.VBox):
     controls : dict
     picture : ipywidgets.Image
         Its ``value`` are the bytes of a PNG file.
+    caption : ipywidgets.HTML
+        `text`, under the picture.
     text : str
-        What is written under the picture.
     failed : bool
         Whether `text` is an error's.
     """
 
     def __init__(self, name, backdrop, draw, controls):
         self.name, self.controls, self._backdrop, self._draw = name, controls, backdrop, draw
-        self.picture = ipywidgets.Image(format="png", width=SHOWN_WIDTH)
+        self.picture, self.caption = ipywidgets.Image(format="png", width=SHOWN_WIDTH), ipywidgets.HTML()
         self.refresh()
         for control in controls.values():
             control.observe(self.refresh, names="value")
-        super().__init__([*controls.values(), self.picture])
+        super().__init__([*controls.values(), self.picture, self.caption])
 
     def refresh(self, _change=None):
         """Compute the picture from the controls' present values."""
@@ -56,7 +56,8 @@ class Explorer(ipywidgets.VBox):
         except (ValueError, DetectionError, CalibrationError) as error:
             picture = self._backdrop(**values) // 2
             self.text, self.failed = f"No result: {error}", True
-        self.picture.value = _as_png(np.vstack([picture, _text_strip(self.text, picture.shape[1])]))
+        self.picture.value = _as_png(picture)
+        self.caption.value = f'<pre style="white-space: pre-wrap">{html.escape(self.text)}</pre>'
 
     def __repr__(self):
         """Short and the same in every run: a notebook stores it beside the widget."""
@@ -92,16 +93,3 @@ def _slider(kind, description, value, low, high, *, step=1, live=True):
 
 def _as_png(picture):
     return cv2.imencode(".png", picture)[1].tobytes()
-
-
-def _text_strip(text, width):
-    """A white strip with up to `TEXT_LINES` lines of text."""
-    strip = np.full((TEXT_LINES * LINE_HEIGHT + 8, width, 3), 255, np.uint8)
-    lines = [part for line in text.splitlines() for part in textwrap.wrap(line, LINE_LENGTH)]
-    if len(lines) > TEXT_LINES:
-        rest = " ".join(lines[TEXT_LINES - 1 :])
-        lines = [*lines[: TEXT_LINES - 1], textwrap.shorten(rest, LINE_LENGTH, placeholder=" ...")]
-    for number, line in enumerate(lines, 1):
-        printable = line.encode("ascii", "replace").decode()
-        cv2.putText(strip, printable, (8, number * LINE_HEIGHT), FONT, 0.5, (0, 0, 0), 1, cv2.LINE_AA)
-    return strip

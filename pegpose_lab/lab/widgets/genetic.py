@@ -5,11 +5,16 @@ from functools import lru_cache
 import cv2
 import ipywidgets
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from ...calibration import PENALTY, minimize_genetic
 from ..plotting import COLORS
 from .drawing import _bgr
-from .explorer import FONT, SHOWN_WIDTH, Explorer, _slider
+from .explorer import SHOWN_WIDTH, Explorer, _slider
+
+HEIGHT = 480  # px, of the picture
 
 
 def genetic_explorer(objective, bounds, *, search=None, generations=100):
@@ -64,47 +69,26 @@ def genetic_explorer(objective, bounds, *, search=None, generations=100):
 class _Valley:
     """The objective over its box as a picture with axes, drawn once."""
 
-    left, right, top, bottom = 80, 20, 16, 44  # px round the plot
-    height = 480
-
     def __init__(self, objective, bounds):
-        self.bounds = np.asarray(bounds, float)
-        self.size = np.array([SHOWN_WIDTH - self.left - self.right, self.height - self.top - self.bottom])
-        self.background = np.full((self.height, SHOWN_WIDTH, 3), 255, np.uint8)
-        self._fill(objective)
-        self._draw_axes()
+        (self.f, self.t_z), dpi = np.asarray(bounds, float), 100
+        fig = Figure(figsize=(SHOWN_WIDTH / dpi, HEIGHT / dpi), dpi=dpi, layout="constrained")
+        canvas, self.ax = FigureCanvasAgg(fig), fig.add_subplot()
+        self.ax.set(xlabel="focal length f (mm)", ylabel="$T_z$ (mm)")
+        look = {"cmap": colormaps["cividis"].with_extremes(bad="0.9"), "aspect": "auto", "interpolation": "bilinear"}
+        self.ax.imshow(self._heights(objective), extent=(*self.f, *self.t_z), origin="lower", **look)
+        canvas.draw()
+        self.background = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, 2::-1])
+
+    def _heights(self, objective, columns=175, rows=105):
+        """log10 of the objective on a grid; masked where a point of the view has no image."""
+        f, t_z = np.meshgrid(np.linspace(*self.f, columns), np.linspace(*self.t_z, rows))
+        values = objective(np.column_stack([f.ravel(), t_z.ravel()])).reshape(f.shape)
+        return np.ma.masked_array(np.log10(np.maximum(values, 1e-12)), values >= PENALTY)
 
     def place(self, chromosome):
-        """Pixel (x, y) of (f, T_z); T_z grows upwards."""
-        x, y = (chromosome - self.bounds[:, 0]) / np.ptp(self.bounds, axis=1)
-        return np.array([self.left + x * (self.size[0] - 1), self.top + (1 - y) * (self.size[1] - 1)])
-
-    def _fill(self, objective, columns=175, rows=105):
-        """Colours of log10 of the objective on a grid; grey where a point of the view has no image."""
-        f = np.linspace(*self.bounds[0], columns)
-        depths = np.linspace(*self.bounds[1][::-1], rows)
-        values = np.array([objective(np.column_stack([f, np.full(columns, t_z)])) for t_z in depths])
-        seen = values < PENALTY
-        height = np.log10(np.clip(values, 1e-12, values[seen].max(initial=1e-12)))
-        grey = ((height - height.min()) / max(np.ptp(height), 1e-9) * 255).astype(np.uint8)
-        color = cv2.applyColorMap(cv2.resize(grey, self.size.tolist()), cv2.COLORMAP_CIVIDIS)
-        color[cv2.resize(seen.astype(np.uint8), self.size.tolist(), interpolation=cv2.INTER_NEAREST) == 0] = 230
-        self.background[self.top : self.top + self.size[1], self.left : self.left + self.size[0]] = color
-
-    def _draw_axes(self):
-        for share in np.linspace(0, 1, 5):
-            f, t_z = self.bounds[:, 0] + share * np.ptp(self.bounds, axis=1)
-            x, y = np.rint(self.place((f, t_z))).astype(int).tolist()
-            foot = self.height - self.bottom
-            cv2.line(self.background, (x, foot), (x, foot + 5), (0, 0, 0), 1)
-            self._write(f"{f:.1f}", (x - 18, foot + 20))
-            cv2.line(self.background, (self.left - 5, y), (self.left, y), (0, 0, 0), 1)
-            self._write(f"{t_z:.1f}", (self.left - 58, y + 5))
-        self._write("focal length f (mm)", (SHOWN_WIDTH // 2 - 60, self.height - 8))
-        self._write("T_z (mm)", (4, self.top + int(0.375 * self.size[1]) + 5))
-
-    def _write(self, text, corner):
-        cv2.putText(self.background, text, corner, FONT, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
+        """Pixel (x, y) of (f, T_z)."""
+        x, y = self.ax.transData.transform(chromosome)
+        return np.array([x, HEIGHT - y]) - 0.5
 
     def draw(self, picture, chromosomes, best):
         """A population as dots, the best one ringed."""

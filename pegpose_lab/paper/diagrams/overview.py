@@ -8,18 +8,18 @@ from .space import MARKED, SMALL, _arrow, _bare
 
 # Fig. 2 as (title, what happens, modules), from top to bottom.
 CALIBRATION_STEPS = (
-    ("Boards", "checkerboard, several orientations", "targets.py  render.py"),
-    ("Corners", "sub-pixel, row by row", "corners.py"),
-    ("Stage 1", "linear: $R$, $T_x$, $T_y$; first $f$, $T_z$", "tsai.py"),
-    ("Stage 2", "genetic: $f$, $T_z$; $k_1$ (Eqs. 4$-$10)", "genetic.py  two_stage.py"),
-    ("Camera", "a pixel to a ray, and back (Eq. 3)", "camera.py"),
+    ("Boards", "checkerboard, several orientations", "targets.py  render/"),
+    ("Corners", "sub-pixel, row by row", "corners/"),
+    ("Stage 1", "linear: $R$, $T_x$, $T_y$; first $f$, $T_z$", "calibration/two_stage/tsai.py"),
+    ("Stage 2", "genetic: $f$, $T_z$; $k_1$ (Eqs. 4$-$10)", "calibration/two_stage/"),
+    ("Camera", "a pixel to a ray, and back (Eq. 3)", "camera/"),
 )
 FRAME_STEPS = (
-    ("Image", "hub with pegs, bore and screws", "targets.py  render.py"),
+    ("Image", "hub with pegs, bore and screws", "targets.py  render/"),
     ("Mask", "Otsu's threshold, area filter", "segmentation.py"),
-    ("Circles", "Hough transform, sub-pixel edges", "circles.py  edges.py"),
-    ("Pegs", "labelled by the screws, tracked", "pegs.py"),
-    ("Pose", "$x$, $y$, $\\theta$; to the robot (Eqs. 1, 2, 11)", "pose.py"),
+    ("Circles", "Hough transform, sub-pixel edges", "circles/  discs/"),
+    ("Pegs", "labelled by the screws, tracked", "pegs/"),
+    ("Pose", "$x$, $y$, $\\theta$; to the robot (Eqs. 1, 2, 11)", "pose/"),
 )
 
 

@@ -1,5 +1,6 @@
 """Explorers: the picture follows the controls, errors are shown and not raised, first pictures are whole PNGs."""
 
+import html
 import cv2
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from pegpose_lab.calibration import PENALTY
 from pegpose_lab.camera import OpenCVCamera, TsaiCamera
 from pegpose_lab.lab.widgets import circles, genetic, hub, show, threshold
 from pegpose_lab.lab.widgets import explorer as explorer_file
-from pegpose_lab.lab.widgets.explorer import LINE_HEIGHT, SHOWN_WIDTH, TEXT_LINES, Explorer
+from pegpose_lab.lab.widgets.explorer import SHOWN_WIDTH, Explorer
 from pegpose_lab.render import render_hub
 from pegpose_lab.targets import Hub
 
@@ -52,16 +53,16 @@ def decode(data):
 
 def test_first_picture_is_a_png_of_the_stated_size(explorer):
     picture = decode(explorer.picture.value)
-    strip = TEXT_LINES * LINE_HEIGHT + 8
     height = 480 if explorer.name.startswith("genetic") else 600
     assert bytes(explorer.picture.value).startswith(b"\x89PNG")
-    assert picture.shape == (height + strip, SHOWN_WIDTH, 3)
+    assert picture.shape == (height, SHOWN_WIDTH, 3)
     assert explorer.picture.width == str(SHOWN_WIDTH) and explorer.picture.format == "png"
     assert not explorer.failed and explorer.text
 
 
-def test_children_are_the_controls_over_the_picture(explorer):
-    assert explorer.children == (*explorer.controls.values(), explorer.picture)
+def test_children_are_the_controls_over_the_picture_and_its_text(explorer):
+    assert explorer.children == (*explorer.controls.values(), explorer.picture, explorer.caption)
+    assert html.unescape(explorer.caption.value).count(explorer.text) == 1
     assert all(control.description for control in explorer.controls.values())
 
 
@@ -112,7 +113,7 @@ def test_errors_are_shown_as_text(error):
     def draw(picture, level):
         picture[:] = 10
         if level > 1:
-            raise error("nothing found; " + "try again " * 40)
+            raise error("nothing found <in 3 & more>; " + "try again " * 40)
         return "fine"
 
     slider = circles.ipywidgets.IntSlider(0, 0, 5)
@@ -121,8 +122,8 @@ def test_errors_are_shown_as_text(error):
     slider.value = 3
     assert explorer.failed and explorer.text.startswith("No result: nothing found")
     picture = decode(explorer.picture.value)
-    assert (picture[:60] == 100).all()  # the dimmed backdrop, without what was drawn before the error
-    assert (picture[60:] < 100).any()  # and text under it
+    assert (picture == 100).all()  # the dimmed backdrop, without what was drawn before the error
+    assert "&lt;in 3 &amp; more&gt;" in explorer.caption.value
     slider.value = 0
     assert not explorer.failed and explorer.picture.value == good
 
@@ -215,11 +216,13 @@ def test_genetic_explorer_draws_population_and_valley():
 
     explorer = genetic.genetic_explorer(valley, BOUNDS, search=search, generations=3)
     picture = decode(explorer.picture.value)
-    plot = np.array([SHOWN_WIDTH - 100, 480 - 60])  # without margins
-    x, y = np.array([80, 16]) + np.array([0.75, 1 - 34 / 135]) * (plot - 1)  # T_z grows upwards
+    frame = np.argwhere((picture < 40).all(axis=2)[:, 100:-100].all(axis=1))[[0, -1], 0]  # upper and lower spine
+    sides = np.argwhere((picture < 40).all(axis=2)[frame[0] : frame[1]].all(axis=0))[[0, -1], 0]
+    x = sides[0] + 0.75 * (sides[1] - sides[0])
+    y = frame[1] - 34 / 135 * (frame[1] - frame[0])  # T_z grows upwards
     dot = picture[round(y) - 1 : round(y) + 2, round(x) - 1 : round(x) + 2].astype(int)
     assert np.abs(dot - [0x00, 0x5E, 0xD5]).max() < 30  # the colour "genetic", in OpenCV's order
-    assert (picture[20, 90] == 230).all()  # low f, high T_z: no image
+    assert np.abs(picture[frame[0] + 5, sides[0] + 5].astype(int) - 230).max() <= 1  # low f, high T_z: no image
     assert "f = 54.000 mm, T_z = 234.000 mm" in explorer.text
 
 
