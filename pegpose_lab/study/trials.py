@@ -19,7 +19,8 @@ from ..calibration import calibrate_genetic, calibrate_joint, calibrate_tsai, ca
 from ..camera import TsaiCamera
 from ..checks import CalibrationError, DetectionError, as_count, as_number
 from ..corners import find_corners
-from ..files import PROJECT_FOLDER, replacing
+from ..files import MEASURED_FOLDER
+from ..lab import results
 from ..paper import Experiment, paper_camera
 from ..render import render_board
 from ..targets import Checkerboard
@@ -40,7 +41,7 @@ _FOUND = [*PARAMETERS, "T_z_error", "rms", "mean_distance", "corner_sigma", "exp
 _NUMBERS = [*(column for name in PARAMETERS for column in (name, f"{name}_sigma")), *_FOUND[len(PARAMETERS) :]]
 _COLUMNS = [*_KEY, *_NUMBERS, "status", "flags"]
 
-RENDERED_FILE = PROJECT_FOLDER / "data" / "measured" / "rendered_trials.csv"
+RENDERED_FILE = "rendered_trials.csv"
 RENDERED = {"corners": "rendered", "noises": (2.0,), "trials": 200}
 """The trials of `write_rendered_trials`: pictures with the noise of the paper's experiment."""
 
@@ -252,19 +253,18 @@ def _save(path, done, rows):
         return done
     table = pd.concat([done, _as_table(rows)]) if len(done) else _as_table(rows)
     if path is not None:
-        with replacing(path) as temporary:
-            table.to_csv(temporary, index=False, float_format="%.17g", lineterminator="\n")
+        results.write_csv(path, table, float_format="%.17g")
     return table
 
 
-def write_rendered_trials(path=RENDERED_FILE, *, workers=2):
-    """Run the trials `RENDERED` of `monte_carlo` (some minutes), or those that the file does not have yet."""
-    return monte_carlo(**RENDERED, workers=workers, path=path)
+def write_rendered_trials(folder=MEASURED_FOLDER, *, workers=2):
+    """Run the trials `RENDERED` of `monte_carlo`, or those that the file in `folder` does not have yet."""
+    monte_carlo(**RENDERED, workers=workers, path=folder / RENDERED_FILE)
 
 
-def load_rendered_trials(path=RENDERED_FILE):
+def load_rendered_trials(folder=MEASURED_FOLDER):
     """Read what `write_rendered_trials` wrote."""
-    return _finished(path)
+    return _finished(folder / RENDERED_FILE)
 
 
 def _as_table(rows):
