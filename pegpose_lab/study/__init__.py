@@ -11,6 +11,7 @@ from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write
 from .ga_success import REACHED, VARIANTS, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
 from .measured import load_measured, made_by, write_measured
+from .opencv_corners import sub_pixel_corners
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
 from .sector_corners import load_sector_corners, write_sector_corners
 from .segmented_parts import write_parts
@@ -40,6 +41,7 @@ __all__ = [
     "radial_profile",
     "rayleigh_counts",
     "search",
+    "sub_pixel_corners",
     "trial_poses",
     "trial_sets",
     "write_circle_counts",

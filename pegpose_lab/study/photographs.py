@@ -14,6 +14,7 @@ from ..targets import Checkerboard
 from .datasets import dataset, read_corners, write_corners
 from .held_out import sensitivity
 from .measured import made_by, write_measured
+from .opencv_corners import sub_pixel_corners
 
 CORNERS = "opencv_left_corners"
 LEFT_BOARD = Checkerboard(columns=9, rows=6, square=30.0)
@@ -70,11 +71,10 @@ def measure_sensitivity():
     """
     paths = sorted(dataset("opencv_left").glob("left[0-9][0-9].jpg"))
     _, object_points, corners = measure_corners()
-    images, stop = {"find_corners": corners}, (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
+    images = {"find_corners": corners}
     for half in WINDOWS:
         images[f"cornerSubPix, {2 * half + 1} px"] = [
-            cv2.cornerSubPix(_read(path), seen.astype(np.float32), (half, half), (-1, -1), stop).reshape(-1, 2)
-            for path, seen in zip(paths, corners, strict=True)
+            sub_pixel_corners(_read(path), seen, half) for path, seen in zip(paths, corners, strict=True)
         ]
     width, height = LEFT_SIZE
     camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), LEFT_SIZE)
