@@ -1,7 +1,7 @@
 """The peers' settings: a grid for each, tried on frames of its own, and the best by one rule.
 
 ``python3 -m pegpose_lab measure peer_settings`` prints each peer's best five and writes all to
-data/measured/peer_settings.csv, in about ten minutes on two idle cores; `peers.METHODS` has each peer's first.  Peers
+data/measured/peer_settings.csv, in about ten minutes on two idle cores; `peers.COMPARED` has each peer's first.  Peers
 that cannot be installed are left out.
 
 Frames
@@ -70,7 +70,7 @@ def candidates(name):
     """A peer with each setting of its grid, a list of `detectors.Method`."""
     grid = GRIDS[name]
     options = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
-    return [replace(peers.METHODS[name], options=some) for some in options]
+    return [replace(peers.COMPARED[name], options=some) for some in options]
 
 
 def try_settings(names=tuple(GRIDS), *, scenes=MAIN, frames=FRAMES, workers=WORKERS):
@@ -208,7 +208,7 @@ def write_settings(table, folder):
 
 def write_peer_settings(folder=MEASURED_FOLDER):
     """Try all settings of the peers that are installed, print each one's best and write the ranking into `folder`."""
-    reasons = {name: peers.missing(peers.METHODS[name]) for name in GRIDS}
+    reasons = {name: peers.missing(peers.COMPARED[name]) for name in GRIDS}
     table = rank(try_settings([name for name, reason in reasons.items() if not reason]))
     write_settings(table, folder)
     print(table[table["rank"] <= SHOWN].to_string(index=False, float_format="%.4g"))

@@ -19,23 +19,23 @@ class Measurement(NamedTuple):
 
 MEASUREMENTS = {
     "circle_counts": Measurement(
-        "study.write_circle_counts", ("circle_counts", "missed_circles"), "10 s",
+        "study.write_circle_counts", ("circle_counts", "missed_circles"), "5 s",
         ("visp-mire2-a", "visp-grid36-a", "skimage-coins", "conrods-a", "screws4-a", "opencv-samples"),
     ),
     "screw_bits": Measurement("study.write_screw_bits", ("screw_bits",), "1 s", ("screws4-a",)),
-    "segmented_parts": Measurement("study.write_parts", ("segmented_parts",), "3 s", ("skimage-coins",)),
+    "segmented_parts": Measurement("study.write_parts", ("segmented_parts",), "1 s", ("skimage-coins",)),
     "visp_circles_centers": Measurement("study.write_grid", ("visp_circles_centers",), "2 s", ("visp_circles",)),
     "opencv_left_corners": Measurement(
-        "study.write_left_corners", ("opencv_left_corners",), "5 s", ("opencv_left",)
+        "study.write_left_corners", ("opencv_left_corners",), "4 s", ("opencv_left",)
     ),
     "opencv_left_detectors": Measurement(
-        "study.write_sensitivity", ("opencv_left_detectors",), "10 s", ("opencv_left",)
+        "study.write_sensitivity", ("opencv_left_detectors",), "5 s", ("opencv_left",)
     ),
-    "sector_corners": Measurement("study.write_sector_corners", ("sector_corners",), "40 s"),
-    "rendered_trials": Measurement("study.write_rendered_trials", ("rendered_trials",), "30 min"),
+    "sector_corners": Measurement("study.write_sector_corners", ("sector_corners",), "15 s"),
+    "ga_success": Measurement("study.write_success", ("ga_success",), "3 min"),
+    "rendered_trials": Measurement("study.write_rendered_trials", ("rendered_trials",), "10 min"),
     "peer_settings": Measurement("bench.write_peer_settings", ("peer_settings",), "10 min"),
-    "two_stage_counts": Measurement("study.write_two_stage_counts", ("two_stage_counts",), "20 min"),
-    "ga_success": Measurement("study.write_success", ("ga_success",), "15 min"),
+    "two_stage_counts": Measurement("study.write_two_stage_counts", ("two_stage_counts",), "10 min"),
 }  # fmt: skip
 """Name: measurement, those of third-party photographs first, then from fast to slow."""
 

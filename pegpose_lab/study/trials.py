@@ -25,7 +25,7 @@ from ..paper import Experiment, paper_camera
 from ..render import render_board
 from ..targets import Checkerboard
 
-METHODS = ("tsai", "genetic", "zhang", "joint")
+CALIBRATION_METHODS = ("tsai", "genetic", "zhang", "joint")
 """Methods of `monte_carlo`; the first two get the first of the views alone, and the true principal point."""
 
 CORNERS = ("simulated", "rendered")
@@ -74,7 +74,7 @@ def monte_carlo(
     views : sequence of int
         Number of boards.
     methods : sequence of str
-        Of `METHODS`.
+        Of `CALIBRATION_METHODS`.
     trials : int
         Of each combination.
     seed : int
@@ -207,9 +207,9 @@ def _as_conditions(noises, tilts, views, methods, trials):
     tilts = [as_number(tilt, "tilts", 0, 45) for tilt in _as_sequence(tilts, "tilts")]
     views = [as_count(number, "views", 1) for number in _as_sequence(views, "views")]
     methods = _as_sequence(methods, "methods")
-    unknown = set(methods) - set(METHODS)
+    unknown = set(methods) - set(CALIBRATION_METHODS)
     if unknown:
-        raise ValueError(f"methods has {', '.join(map(str, unknown))}; expected some of {', '.join(METHODS)}")
+        raise ValueError(f"methods has {', '.join(map(str, unknown))}; expected some of {', '.join(CALIBRATION_METHODS)}")
     return list(dict.fromkeys(product(noises, tilts, views, methods, range(as_count(trials, "trials", 1)))))
 
 

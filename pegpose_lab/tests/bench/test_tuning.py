@@ -6,7 +6,7 @@ import pytest
 from pegpose_lab.bench import FULL, QUICK, peers, scenes, tuning
 from pegpose_lab.study import load_measured, made_by
 
-PEERS = [name for name, method in peers.METHODS.items() if method.module != "pegpose_lab"]
+PEERS = [name for name, method in peers.COMPARED.items() if method.module != "pegpose_lab"]
 
 
 def _table(*rows):
@@ -48,7 +48,7 @@ def test_the_second_rank_is_the_choice_among_the_rest():
 def test_peers_have_the_first_settings_of_the_committed_ranking():
     ranking = load_measured(tuning.NAME)
     first = ranking[ranking["rank"] == 1].set_index("peer")["settings"]
-    assert dict(first) == {name: peers.METHODS[name].settings for name in PEERS}
+    assert dict(first) == {name: peers.COMPARED[name].settings for name in PEERS}
 
 
 def test_committed_ranking_is_that_of_its_scores_and_of_the_whole_grid():
