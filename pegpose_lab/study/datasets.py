@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pooch
 
-from ..checks import as_matched_points
+from ..checks import as_choice, as_matched_points
 from ..files import PROJECT_FOLDER
 from ..lab import results
 
@@ -114,8 +114,7 @@ def load_points(name):
         As `dataset` does; ValueError also for a data set without matched points.
     """
     loaders = {"opencv_left": _load_opencv, "zhang_msr_5view": _load_zhang, "willson_coplanar": _load_willson}
-    if name not in loaders:
-        raise ValueError(f"name is {name!r}; expected one of {', '.join(loaders)}")
+    name = as_choice(name, "name", loaders)
     return loaders[name](dataset(name))
 
 

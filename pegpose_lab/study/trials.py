@@ -17,7 +17,7 @@ from tqdm import tqdm
 from .. import paper
 from ..calibration import calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
 from ..camera import TsaiCamera
-from ..checks import CalibrationError, DetectionError, as_count, as_number
+from ..checks import CalibrationError, DetectionError, as_choice, as_count, as_number
 from ..corners import find_corners
 from ..files import MEASURED_FOLDER
 from ..lab import results
@@ -102,8 +102,7 @@ def monte_carlo(
     ValueError
         If an argument is unusable or the file has other columns.
     """
-    if corners not in CORNERS:
-        raise ValueError(f"corners is {corners!r}; expected {' or '.join(map(repr, CORNERS))}")
+    corners = as_choice(corners, "corners", CORNERS)
     conditions = _as_conditions(noises, tilts, views, methods, trials)
     seed = as_count(seed, "seed", 0)
     wanted = [(seed, corners, *condition) for condition in conditions]
@@ -206,10 +205,7 @@ def _as_conditions(noises, tilts, views, methods, trials):
     noises = [as_number(noise, "noises", 0) for noise in _as_sequence(noises, "noises")]
     tilts = [as_number(tilt, "tilts", 0, 45) for tilt in _as_sequence(tilts, "tilts")]
     views = [as_count(number, "views", 1) for number in _as_sequence(views, "views")]
-    methods = _as_sequence(methods, "methods")
-    unknown = set(methods) - set(CALIBRATION_METHODS)
-    if unknown:
-        raise ValueError(f"methods has {', '.join(map(str, unknown))}; expected some of {', '.join(CALIBRATION_METHODS)}")
+    methods = [as_choice(name, "methods", CALIBRATION_METHODS) for name in _as_sequence(methods, "methods")]
     return list(dict.fromkeys(product(noises, tilts, views, methods, range(as_count(trials, "trials", 1)))))
 
 
