@@ -4,6 +4,7 @@ Everything is written below one folder: the one that the environment variable ``
 the checkout.  A file is written under a temporary name and then renamed, so a reader never meets half a file.
 """
 
+import io
 from pathlib import Path
 
 import pandas as pd
@@ -33,7 +34,8 @@ def read_csv(path, *, as_text=False, **options):
     """
     if as_text:
         options |= {"dtype": str, "keep_default_na": False}
-    return pd.read_csv(path, comment="#", **options)
+    lines = Path(path).read_text(encoding="utf-8").splitlines(keepends=True)
+    return pd.read_csv(io.StringIO("".join(line for line in lines if not line.startswith("#"))), **options)
 
 
 def write_csv(path, table, *, comment="", float_format=None):
