@@ -5,14 +5,12 @@ first makes ``.venv`` in the checkout (or finds it current) and then runs itself
 Python, where the packages pinned in ``environment.txt`` are.
 """
 
-import argparse
 import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
-from .lab import environment
+from .lab import command_line, environment
 from .lab.environment import CHECKOUT
 from .lab.notebooks import exploring
 
@@ -196,112 +194,33 @@ def _reset(options):
     return 0
 
 
+def _measure(options):
+    """Make the tables of data/measured again."""
+    from .lab import measuring
+
+    folder = options.output / "data" / "measured"
+    _check_writable(folder)
+    if not options.names or "peer_settings" in options.names:
+        environment.add_bench_packages()
+    return measuring.measure(options.names, folder)
+
+
 # --- command line -------------------------------------------------------------------------------
 
-
-def _parser():
-    parser = argparse.ArgumentParser(
-        prog="python3 -m pegpose_lab",
-        description="Reproduce the paper, and test that it is reproduced. Each command first makes .venv in the "
-        "checkout with the packages pinned in environment.txt, or finds it current.",
-    )
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-
-    setup = commands.add_parser("setup", help="make or update .venv only")
-    setup.set_defaults(run=_setup)
-
-    reproduce = commands.add_parser(
-        "reproduce",
-        help="run the notebooks, write figures and results, print the claims table",
-        description="Run the notebooks outside the tree, two at a time. Once all of them have succeeded, move "
-        "their figures and results into place and print each of the paper's numbers beside ours.",
-    )
-    reproduce.add_argument(
-        "--output",
-        type=_folder,
-        default=CHECKOUT,
-        metavar="DIR",
-        help="write DIR/figures and DIR/data/results (default: the checkout)",
-    )
-    reproduce.add_argument(
-        "--notebooks",
-        nargs="+",
-        metavar="NAME",
-        help="run these only: names, beginnings of names (03) or patterns (0[1-3]*); "
-        "the others' results are taken as they are",
-    )
-    reproduce.add_argument(
-        "--update-notebooks",
-        action="store_true",
-        help="also store the outputs in the notebooks: the way in which committed outputs are made",
-    )
-    reproduce.set_defaults(run=_reproduce)
-
-    test = commands.add_parser(
-        "test",
-        help="run the unit tests, and the notebooks against their stored outputs",
-        epilog="Arguments after -- go to pytest:  test -- -k camera",
-    )
-    test.add_argument(
-        "--processors",
-        nargs="*",
-        metavar="NAME",
-        help="run the notebooks and the tests of digits as on other processors (emulated), with two threads and under "
-        "the other Pythons that are found, instead of all tests here; NAME runs these machines only",
-    )
-    test.set_defaults(run=_test)
-
-    bench = commands.add_parser(
-        "bench",
-        help="measure circle detection beside its peers and the physical limit",
-        description="Render frames with exact truth and give them to our circle measurement and to its peers: "
-        "time, detection, and errors over the bound; about a quarter of an hour on two idle cores. Installs the "
-        "peers into .venv first (the optional group bench, and opencv-contrib in a folder of its own); one that "
-        "cannot be installed is left out and named. Writes data/results/bench_*.csv and the README's table.",
-    )
-    bench.add_argument(
-        "--output",
-        type=_folder,
-        default=CHECKOUT,
-        metavar="DIR",
-        help="write DIR/data/results (default: the checkout, and its README)",
-    )
-    bench.add_argument("--quick", action="store_true", help="a few frames, some seconds; writes nothing")
-    bench.set_defaults(run=_bench)
-
-    lab = commands.add_parser(
-        "lab",
-        help="open JupyterLab on the notebooks",
-        description="Open JupyterLab on the notebooks. What they write goes to notebooks/scratch, which git ignores; "
-        "nothing is saved by itself.",
-        epilog="Arguments after -- go to JupyterLab:  lab -- --ServerApp.password=''",
-    )
-    lab.add_argument("--no-browser", action="store_true", help="open no browser; the address is printed")
-    lab.add_argument("--port", type=int, metavar="N", help="the port to serve on (default: 8888, or the next that is free)")
-    lab.add_argument("--ip", metavar="ADDRESS", help="the address to serve on (default: localhost; 0.0.0.0 for all)")
-    lab.add_argument("--allow-root", action="store_true", help="start though root runs it, as in a container")
-    lab.add_argument(
-        "--reset",
-        nargs="+",
-        metavar="NAME",
-        help="open nothing: set these notebooks back to git's last commit, without asking; names as for reproduce",
-    )
-    lab.set_defaults(run=_lab)
-    return parser
-
-
-def _folder(text):
-    return Path(text).resolve()
+COMMANDS = {
+    "setup": _setup,
+    "reproduce": _reproduce,
+    "test": _test,
+    "bench": _bench,
+    "measure": _measure,
+    "lab": _lab,
+}
 
 
 def _parse(arguments):
-    """Parse the command line; what stands after ``--`` is handed on as it is."""
-    parser = _parser()
-    dashes = arguments.index("--") if "--" in arguments else len(arguments)
-    options = parser.parse_args(arguments[:dashes])
-    options.extra = arguments[dashes + 1 :]
-    if options.extra and options.command not in ("test", "lab"):
-        parser.error(f"{options.command} takes no arguments after --")
+    """The options of a command line, with the function that runs its command."""
+    options = command_line.parse(arguments, CHECKOUT)
+    options.run = COMMANDS[options.command]
     return options
 
 

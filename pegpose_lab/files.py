@@ -7,11 +7,18 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 PROJECT_FOLDER = Path(__file__).resolve().parents[1]
+PAPER_FOLDER = PROJECT_FOLDER / "data" / "paper"
+MEASURED_FOLDER = PROJECT_FOLDER / "data" / "measured"
 
 
 def output_folder():
     """Folder below which figures/ and data/results/ are written."""
     return Path(os.environ.get("PEGPOSE_OUTPUT") or PROJECT_FOLDER)
+
+
+def results_folder():
+    """Folder of the tables and values that notebooks write, and read from each other."""
+    return output_folder() / "data" / "results"
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from .peers import OURS, REFERENCE
 from .plan import FULL, QUICK, run
 from .report import to_text, write
 from .scenes import SCENES, TARGET_NOISE
+from .tuning import write_peer_settings
 
 __all__ = [
     "FULL",
@@ -21,4 +22,5 @@ __all__ = [
     "run",
     "to_text",
     "write",
+    "write_peer_settings",
 ]

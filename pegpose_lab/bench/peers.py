@@ -33,7 +33,7 @@ _GRADIENT, _GRADIENT_ALT = (
     functools.partial(_opencv_hough, method=method) for method in (cv2.HOUGH_GRADIENT, cv2.HOUGH_GRADIENT_ALT)
 )
 _HOUGH_TEXT = "dp {dp}, param1 {edge}, param2 {votes}, minDist r_min"
-METHODS = {
+COMPARED = {
     method.name: method
     for method in (
         Method(OURS, _find_and_fit, "find_circles in the whole picture, fit_discs; defaults", **_OUR_PACKAGE),

@@ -28,8 +28,8 @@ class Plan:
     sizes: tuple
     views: tuple
     seeds: int
-    methods: tuple = tuple(peers.METHODS)
-    memory: tuple = tuple(peers.METHODS)
+    methods: tuple = tuple(peers.COMPARED)
+    memory: tuple = tuple(peers.COMPARED)
     repeats: int = 3
 
 

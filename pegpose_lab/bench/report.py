@@ -38,7 +38,7 @@ def write(report, folder, readme=None):
 def load(folder):
     """Read back what `write` wrote."""
     names = Report.__dataclass_fields__
-    return Report(**{name: pd.read_csv(Path(folder, f"bench_{name}.csv")) for name in names})
+    return Report(**{name: results.read_csv(Path(folder, f"bench_{name}.csv")) for name in names})
 
 
 def readme_is_current(readme, folder):

@@ -37,7 +37,7 @@ def peak_memory(method):
 def tell_memory(name, path):
     """Print what `peak_memory` asks for; runs in a process of its own."""
     cv2.setNumThreads(1)
-    image, method = np.load(path), peers.METHODS[name]
+    image, method = np.load(path), peers.COMPARED[name]
     peers.run(method, np.ascontiguousarray(image[:200, :200]), RADIUS_RANGE)
     before = _memory("VmRSS")
     peers.run(method, image, RADIUS_RANGE)
@@ -85,7 +85,7 @@ def measure_sizes(sizes, *, methods=(peers.OURS, peers.REFERENCE), repeats=3):
             times, pegs = {name: [] for name in methods}, {}
             for _ in range(repeats + 1):
                 for name in methods:
-                    found, seconds = peers.run(peers.METHODS[name], image, limits)
+                    found, seconds = peers.run(peers.COMPARED[name], image, limits)
                     times[name].append(seconds)
                     pegs[name] = _detected_pegs(frame, found)
             for name, seconds in times.items():
@@ -101,11 +101,10 @@ def _detected_pegs(frame, found):
 
 
 def _scaled(camera, scale):
-    """The same camera with `scale` times the pixels along each axis."""
-    width, height = (round(scale * length) for length in camera.image_size)
-    pitch = tuple(np.divide(camera.pixel_pitch, scale).tolist())
-    middle = ((width - 1) / 2, (height - 1) / 2)
-    return replace(camera, image_size=(width, height), pixel_pitch=pitch, principal_point=middle)
+    """The same camera with `scale` times the pixels along each axis, the principal point in the picture's middle."""
+    scaled = camera.scaled(scale)
+    width, height = scaled.image_size
+    return replace(scaled, principal_point=((width - 1) / 2, (height - 1) / 2))
 
 
 def growth(sizes, method=peers.OURS):
@@ -127,7 +126,7 @@ def describe_methods(methods, memory):
     missing if it is."""
     rows = []
     for name in methods:
-        method = peers.METHODS[name]
+        method = peers.COMPARED[name]
         reason = peers.missing(method)
         megabytes = np.nan if reason or name not in memory else peak_memory(method)
         rows.append((name, method.package, peers.version(method), method.settings, megabytes, reason))

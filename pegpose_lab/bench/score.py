@@ -80,7 +80,7 @@ def measure_frame(scene, number, noises, methods):
     number : int
     noises : sequence of float
     methods : sequence of str
-        Keys of `peers.METHODS`.
+        Keys of `peers.COMPARED`.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def measure_frame(scene, number, noises, methods):
         for noise in noises:
             image = expose(frame.picture, noise, [SEED, *scene.name.encode(), number, int(1000 * noise)])
             for name in np.roll(methods, number).tolist():
-                found, seconds = peers.run(peers.METHODS[name], image, RADIUS_RANGE)
+                found, seconds = peers.run(peers.COMPARED[name], image, RADIUS_RANGE)
                 key = (scene.name, noise, number, name)
                 rows, false_positives = score(frame, found, noise)
                 frames.append((*key, seconds, false_positives))
@@ -106,7 +106,7 @@ def _warm_up(methods):
     """Let each method run once in this process, on a part of a frame, so that no first call is timed."""
     image = np.ascontiguousarray(expose(draw_frame(MAIN[0], 10**6).picture, 5, 0)[300:900, 500:1100])
     for name in methods:
-        peers.run(peers.METHODS[name], image, RADIUS_RANGE)
+        peers.run(peers.COMPARED[name], image, RADIUS_RANGE)
 
 
 def score(frame, found, noise):
@@ -167,7 +167,7 @@ def measure(cells, methods, *, workers=WORKERS):
     cells : dict
         Scene: (number of frames, levels of noise).
     methods : sequence of str
-        Keys of `peers.METHODS`.
+        Keys of `peers.COMPARED`.
     workers : int
 
     Returns
@@ -192,5 +192,5 @@ def _methods_for(methods, number, frames):
     """The methods that get frame `number`: slow ones get the first few only (`Method.share`), one at least."""
     return [
         name for name in methods
-        if not peers.missing(peers.METHODS[name]) and number < max(1, round(peers.METHODS[name].share * frames))
+        if not peers.missing(peers.COMPARED[name]) and number < max(1, round(peers.COMPARED[name].share * frames))
     ]

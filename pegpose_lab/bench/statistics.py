@@ -26,7 +26,7 @@ def summarize(frames, discs):
 
 
 # scenes and methods in the order of the tables
-_ORDER = {name: k for k, name in enumerate([*(scene.name for scene in SCENES), *peers.METHODS])}
+_ORDER = {name: k for k, name in enumerate([*(scene.name for scene in SCENES), *peers.COMPARED])}
 
 
 def _cell(frames, discs, reference):

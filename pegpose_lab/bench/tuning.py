@@ -1,8 +1,8 @@
 """The peers' settings: a grid for each, tried on frames of its own, and the best by one rule.
 
-``python3 -m pegpose_lab.bench.tuning`` prints each peer's best five and writes all to data/measured/peer_settings.csv, in about
-ten minutes on two idle cores; `peers.METHODS` has each peer's first.  Peers that are not installed (``python3 -m
-pegpose_lab bench`` installs them) are left out.
+``python3 -m pegpose_lab measure peer_settings`` prints each peer's best five and writes all to
+data/measured/peer_settings.csv, in about ten minutes on two idle cores; `peers.COMPARED` has each peer's first.  Peers
+that cannot be installed are left out.
 
 Frames
 ------
@@ -34,14 +34,13 @@ from joblib import Parallel, delayed
 from tqdm import tqdm
 
 from .. import study
-from ..files import replacing
+from ..files import MEASURED_FOLDER
 from ..render import expose
 from . import peers
 from .scenes import MAIN, RADIUS_RANGE, SEED, TARGET_NOISE, draw_frame
 from .score import DISC_COLUMNS, WORKERS, one_thread, score
 
-COMMAND = "python3 -m pegpose_lab.bench.tuning"
-SETTINGS_FILE = "peer_settings.csv"
+NAME = "peer_settings"
 FIRST_FRAME, FRAMES = 20_000, 20
 ERROR_TIE, TIME_TIE = 1.05, 1.25
 SHOWN = 5  # ranks on the screen
@@ -71,7 +70,7 @@ def candidates(name):
     """A peer with each setting of its grid, a list of `detectors.Method`."""
     grid = GRIDS[name]
     options = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
-    return [replace(peers.METHODS[name], options=some) for some in options]
+    return [replace(peers.COMPARED[name], options=some) for some in options]
 
 
 def try_settings(names=tuple(GRIDS), *, scenes=MAIN, frames=FRAMES, workers=WORKERS):
@@ -197,33 +196,22 @@ def _best(table):
 # ---- the file ----
 
 
-def load_settings(path=study.FOLDER / SETTINGS_FILE):
-    """Read the ranking."""
-    return pd.read_csv(path, comment="#")
-
-
-def write_settings(table, folder=study.FOLDER):
-    """Write a ranking below `folder`."""
+def write_settings(table, folder):
+    """Write a ranking into `folder`."""
     scenes = ", ".join(scene.name for scene in MAIN)
     comment = (
-        f"# the peers' settings on frames of their own ({scenes}; noise {TARGET_NOISE}), error, center and radius over the "
-        f"bound; made by: {COMMAND}\n"
+        f"the peers' settings on frames of their own ({scenes}; noise {TARGET_NOISE}), error, center and radius over the "
+        f"bound; {study.made_by(NAME)}"
     )
-    with replacing(folder / SETTINGS_FILE) as path:
-        table = table.round({"error": 3, "center": 3, "radius": 3, "ms": 2})
-        path.write_text(comment + table.to_csv(index=False, lineterminator="\n"), encoding="utf-8")
+    study.write_measured(folder, NAME, table.round({"error": 3, "center": 3, "radius": 3, "ms": 2}), comment)
 
 
-def main():
-    """Try all settings of the peers that are installed, print each one's best and write the ranking."""
-    reasons = {name: peers.missing(peers.METHODS[name]) for name in GRIDS}
+def write_peer_settings(folder=MEASURED_FOLDER):
+    """Try all settings of the peers that are installed, print each one's best and write the ranking into `folder`."""
+    reasons = {name: peers.missing(peers.COMPARED[name]) for name in GRIDS}
     table = rank(try_settings([name for name, reason in reasons.items() if not reason]))
-    write_settings(table)
+    write_settings(table, folder)
     print(table[table["rank"] <= SHOWN].to_string(index=False, float_format="%.4g"))
     for name, reason in reasons.items():
         if reason:
             print(f"{name}: left out, {reason}.")
-
-
-if __name__ == "__main__":
-    main()

@@ -16,7 +16,7 @@ from .two_stage.objective import PENALTY, TwoStageObjective
 from .two_stage.operators import blend_crossover, power_mutation
 from .two_stage.oracle import optimum_in_box
 from .two_stage.ratios import solve_images
-from .two_stage.stages import calibrate_genetic, calibrate_tsai, repeat_calibration
+from .two_stage.stages import calibrate_genetic, calibrate_tsai, calibration_at, repeat_calibration
 from .zhang import calibrate_zhang
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "calibrate_joint",
     "calibrate_tsai",
     "calibrate_zhang",
+    "calibration_at",
     "minimize_genetic",
     "optimum_in_box",
     "power_mutation",

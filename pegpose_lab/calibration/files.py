@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from ..camera import OpenCVCamera, TsaiCamera
-from ..checks import as_points
+from ..checks import as_choice, as_points
 from ..files import replacing
 
 FILE_FORMAT = "pegpose_lab calibration 1"
@@ -27,8 +27,7 @@ LONGEST_TEXT = 1000
 
 def write_calibration(path, calibration, form):
     """Write what `Calibration.save` documents."""
-    if form not in ("opencv", "ros"):
-        raise ValueError(f"form is {form!r}; expected 'opencv' or 'ros'")
+    form = as_choice(form, "form", ("opencv", "ros"))
     text = _as_storage(calibration) if form == "opencv" else _as_camera_info(calibration.camera)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

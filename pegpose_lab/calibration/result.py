@@ -16,9 +16,9 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ..camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
-from ..checks import CalibrationError, outside
+from ..checks import outside
 from .files import read_calibration, write_calibration
-from .two_stage.tsai import LOOSE_INTERVAL
+from .two_stage.tsai import judge_interval
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -144,10 +144,9 @@ def pose_names(count):
 def judge_focal_length(covariance, name, value, unit, freedom):
     """Flags by the 95 % interval of f, by Student's t of `freedom` degrees; CalibrationError if it reaches 0."""
     half = _half_interval(covariance, name, freedom)
-    interval = f"95 % interval {value - half:.4g} to {value + half:.4g} {unit}"
-    if half >= value:
-        raise CalibrationError(f"the views do not determine f ({interval}); add views tilted by about 30 deg")
-    if half > LOOSE_INTERVAL * value:
+    refusal = "the views do not determine f ({}); add views tilted by about 30 deg"
+    interval, loose = judge_interval(value, half, f"95 % interval {{}} {unit}", refusal)
+    if loose:
         return (f"The views hardly determine f ({interval}): it trades off with T_z; add tilted views.",)
     return ()
 

@@ -83,6 +83,10 @@ class _Camera:
         normalized = self.to_normalized(as_points(image_points, 2, "image_points"))
         return np.column_stack([normalized, np.ones(len(normalized))])
 
+    def _scaled_size(self, scale):
+        """Width and height of the picture with `scale` times the pixels along each axis."""
+        return tuple(max(1, round(scale * side)) for side in self.image_size)
+
 
 def _as_pair(pair, name, minimum=-np.inf):
     values = tuple(np.ravel(pair))

@@ -101,6 +101,12 @@ class TsaiCamera(_Camera):
         """Image px to undistorted directions (x/z, y/z)."""
         return self.undistort(self.to_sensor(image_points)) / self.focal_length
 
+    def scaled(self, scale):
+        """Return the camera whose picture is the same with `scale` times the pixels along each axis."""
+        pitch = np.array(self.pixel_pitch) / scale
+        middle = scale * (np.array(self.principal_point) + 0.5) - 0.5
+        return TsaiCamera(self.focal_length, pitch, middle, self._scaled_size(scale), self.kappa1, self.scale_x)
+
     def to_opencv(self):
         r"""Return the `OpenCVCamera` that agrees with this one over the picture, to `OPENCV_LIMIT` px.
 

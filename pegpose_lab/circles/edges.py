@@ -4,12 +4,19 @@ import cv2
 import numpy as np
 
 
+def _sobel(image):
+    """Sobel gradient (dx, dy) of a picture, border replicated."""
+    return (
+        cv2.Sobel(image, cv2.CV_16S, 1, 0, borderType=cv2.BORDER_REPLICATE),
+        cv2.Sobel(image, cv2.CV_16S, 0, 1, borderType=cv2.BORDER_REPLICATE),
+    )
+
+
 class _Gradient:
-    """Sobel gradient of a picture, border replicated."""
+    """Sobel gradient of a picture, and its magnitude."""
 
     def __init__(self, image):
-        self.dx = cv2.Sobel(image, cv2.CV_16S, 1, 0, borderType=cv2.BORDER_REPLICATE)
-        self.dy = cv2.Sobel(image, cv2.CV_16S, 0, 1, borderType=cv2.BORDER_REPLICATE)
+        self.dx, self.dy = _sobel(image)
         # not cv2.magnitude, whose last bit depends on where in memory its input lies; the sum of squares is exact
         self.magnitude = np.sqrt(np.square(self.dx, dtype=np.float32) + np.square(self.dy, dtype=np.float32))
 

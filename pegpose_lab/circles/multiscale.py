@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from .edges import _sobel
 from .outlines import BAND, LEAST_VOTES, _best_radii, _edges_near, _fit_outlines
 from .own_radius import _in_range
 
@@ -68,8 +69,7 @@ class _EdgePoints:
     @classmethod
     def of(cls, image, request):
         """Canny's edge points, above a threshold that noise does not reach."""
-        dx = cv2.Sobel(image, cv2.CV_16S, 1, 0, borderType=cv2.BORDER_REPLICATE)
-        dy = cv2.Sobel(image, cv2.CV_16S, 0, 1, borderType=cv2.BORDER_REPLICATE)
+        dx, dy = _sobel(image)
         threshold = _noise_threshold(dx, dy, request)
         mask = cv2.Canny(dx, dy, threshold, threshold, L2gradient=True)
         points = cv2.findNonZero(mask)

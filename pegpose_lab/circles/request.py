@@ -6,7 +6,7 @@ import numpy as np
 
 from ..checks import as_choice, as_image, as_number, as_points
 
-METHODS = ("two-stage", "phase-code", "accumulator", "multiscale")
+DETECTION_METHODS = ("two-stage", "phase-code", "accumulator", "multiscale")
 POLARITIES = ("bright", "dark")
 
 
@@ -40,7 +40,7 @@ def _as_request(radius_range, method, polarity, sensitivity, edge_threshold):
         raise ValueError(f"radius_range is {radius_range!r}; expected a pair (r_min, r_max) in px") from error
     r_min = as_number(r_min, "radius_range[0]", 0.0, 1e5, exclusive=True)
     r_max = as_number(r_max, "radius_range[1]", r_min, 1e5)
-    method, polarity = as_choice(method, "method", METHODS), as_choice(polarity, "polarity", POLARITIES)
+    method, polarity = as_choice(method, "method", DETECTION_METHODS), as_choice(polarity, "polarity", POLARITIES)
     sensitivity = as_number(sensitivity, "sensitivity", 0.0, 1.0)
     if edge_threshold is not None:
         edge_threshold = as_number(edge_threshold, "edge_threshold", 0.0, 1.0)

@@ -16,10 +16,10 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+from ..files import PROJECT_FOLDER as CHECKOUT
 from . import progress
 from .installers import SetUpError, _has_package, _run_first, _venv_commands
 
-CHECKOUT = Path(__file__).resolve().parents[2]
 LOCK = CHECKOUT / "environment.txt"
 VENV = CHECKOUT / ".venv"
 STAMP_NAME = "pegpose_lab.json"

@@ -6,8 +6,6 @@ full tables stand in data/results/README.md (`claims.update_readme`, `bench.writ
 
 from pathlib import Path
 
-import pandas as pd
-
 from .. import paper
 from ..bench import OURS, REFERENCE, TARGET_NOISE
 from ..paper import claims
@@ -36,7 +34,7 @@ def _blocks(folder):
 
 
 def _table(folder, name):
-    return pd.read_csv(folder / f"{name}.csv")
+    return results.read_csv(folder / f"{name}.csv")
 
 
 def _findings(folder):

@@ -4,17 +4,47 @@ Everything is written below one folder: the one that the environment variable ``
 the checkout.  A file is written under a temporary name and then renamed, so a reader never meets half a file.
 """
 
+import io
 from pathlib import Path
 
 import pandas as pd
 
 from ..checks import as_number
-from ..files import output_folder, replacing
+from ..files import replacing, results_folder
+
+
+def read_csv(path, *, as_text=False, **options):
+    """Read a CSV file of the project: lines that begin with # are comments.
+
+    Parameters
+    ----------
+    path : path
+    as_text : bool
+        Leave every cell the text that it is, an empty one too.
+    **options
+        Of `pandas.read_csv`: ``dtype``, ``index_col``.
+
+    Returns
+    -------
+    DataFrame
+    """
+    if as_text:
+        options |= {"dtype": str, "keep_default_na": False}
+    lines = Path(path).read_text(encoding="utf-8").splitlines(keepends=True)
+    return pd.read_csv(io.StringIO("".join(line for line in lines if not line.startswith("#"))), **options)
+
+
+def write_csv(path, table, *, comment="", float_format=None):
+    """Write a DataFrame without its index as a CSV file, whole or not at all, below a line of comment if there is one."""
+    body = table.to_csv(index=False, float_format=float_format, lineterminator="\n")
+    first = f"# {' '.join(comment.split())}\n" if comment else ""
+    with replacing(path) as temporary:
+        temporary.write_text(first + body, encoding="utf-8", newline="\n")
 
 
 def save_table(name, table, *, decimals=4):
     """Write a DataFrame as data/results/<name>.csv and .tex, numbers rounded to `decimals`."""
-    write_table(output_folder() / "data" / "results", name, table, decimals=decimals)
+    write_table(results_folder(), name, table, decimals=decimals)
 
 
 def write_table(folder, name, table, *, decimals=4):
@@ -23,8 +53,7 @@ def write_table(folder, name, table, *, decimals=4):
     rounded = table.round(decimals)
     numbers = rounded.select_dtypes("float").columns
     rounded[numbers] += 0.0  # no minus sign before zero
-    with replacing(folder / f"{name}.csv") as path:
-        rounded.to_csv(path, index=False, lineterminator="\n")
+    write_csv(folder / f"{name}.csv", rounded)
     with replacing(folder / f"{name}.tex") as path:
         path.write_text(latex(rounded), encoding="utf-8")
 
@@ -37,10 +66,10 @@ def load_table(name):
     FileNotFoundError
         If it has not been saved; the message names it.
     """
-    path = output_folder() / "data" / "results" / f"{name}.csv"
+    path = results_folder() / f"{name}.csv"
     if not path.is_file():
         raise FileNotFoundError(f"{path} is missing: run the notebook whose number it bears first")
-    return pd.read_csv(path)
+    return read_csv(path)
 
 
 def save_values(notebook, values, *, digits=6):
@@ -53,14 +82,13 @@ def save_values(notebook, values, *, digits=6):
     """
     values = {identifier: as_number(value, f"values[{identifier!r}]") for identifier, value in values.items()}
     rows = pd.DataFrame({"id": list(values), "ours": [float(f"{value:.{digits}g}") for value in values.values()]})
-    with replacing(output_folder() / "data" / "results" / f"{notebook}_values.csv") as path:
-        rows.to_csv(path, index=False, lineterminator="\n")
+    write_csv(results_folder() / f"{notebook}_values.csv", rows)
 
 
 def load_values(folder=None):
     """Read back every saved value below `folder` (data/results by default) as one Series, indexed by claim id."""
-    folder = Path(folder) if folder else output_folder() / "data" / "results"
-    tables = [pd.read_csv(path, index_col="id")["ours"] for path in sorted(folder.glob("*_values.csv"))]
+    folder = Path(folder) if folder else results_folder()
+    tables = [read_csv(path, index_col="id")["ours"] for path in sorted(folder.glob("*_values.csv"))]
     return pd.concat(tables) if tables else pd.Series(dtype=float, name="ours")
 
 

@@ -15,7 +15,6 @@ from .experiment import (
     paper_pose,
 )
 from .numbers import (
-    FOLDER,
     corner_count,
     corner_stretch,
     image_size,
@@ -30,7 +29,6 @@ from .numbers import (
 
 __all__ = [
     "Experiment",
-    "FOLDER",
     "N_FRAMES",
     "SHIFT_PER_FRAME",
     "TURN_PER_FRAME",

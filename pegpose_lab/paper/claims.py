@@ -81,7 +81,7 @@ def claims_table(values=None):
 @functools.cache
 def _rules():
     """The rules as they stand in data/paper/claims.csv."""
-    return pd.read_csv(paper.FOLDER / "claims.csv", dtype=str, keep_default_na=False)
+    return results.read_csv(files.PAPER_FOLDER / "claims.csv", as_text=True)
 
 
 def _rule(identifier):
@@ -188,8 +188,7 @@ def write_claims(results_folder):
     """Write claims.csv and claims.tex into `results_folder`, from the values saved there; return the table."""
     table = claims_table(results.load_values(results_folder))
     text, folder = _as_text(table), Path(results_folder)
-    with files.replacing(folder / "claims.csv") as path:
-        text.to_csv(path, index=False, lineterminator="\n")
+    results.write_csv(folder / "claims.csv", text)
     with files.replacing(folder / "claims.tex") as path:
         path.write_text(results.latex(text), encoding="utf-8")
     return table

@@ -7,18 +7,18 @@ Nothing here is ours except `mm_per_pixel`, `corner_count` and `corner_stretch`,
 
 import difflib
 import functools
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-FOLDER = Path(__file__).resolve().parents[2] / "data" / "paper"
+from ..files import PAPER_FOLDER
+from ..lab import results
 
 
 @functools.cache
 def _numbers():
     """The CSV as it stands, indexed by id, with the parsed number beside the printed text."""
-    table = pd.read_csv(FOLDER / "printed.csv", dtype=str, keep_default_na=False, index_col="id")
+    table = results.read_csv(PAPER_FOLDER / "printed.csv", as_text=True, index_col="id")
     table.insert(3, "value", table["printed"].astype(float))
     return table
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..checks import as_points
+from ..render import disc_outlines
 
 _RIM_POINTS = 32  # sums over a smooth closed curve converge exponentially: this many reach rounding errors
 
@@ -40,10 +41,7 @@ def project_discs(camera, cam_from_object, centers, radii):
     """
     centers = as_points(centers, 3, "centers")
     radii = _as_radii(radii, len(centers), "radii")
-    angles = np.linspace(0, 2 * np.pi, _RIM_POINTS, endpoint=False)
-    rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(_RIM_POINTS)])
-    points = centers[:, None, :] + radii[:, None, None] * rim
-    outlines = camera.project(points.reshape(-1, 3), cam_from_object).reshape(len(centers), _RIM_POINTS, 2)
+    outlines = disc_outlines(camera, cam_from_object, centers, radii, _RIM_POINTS)
     middle = outlines.mean(axis=1)
     x, y = np.moveaxis(outlines - middle[:, None, :], 2, 0)
     dx, dy = _derivative(x), _derivative(y)

@@ -46,10 +46,16 @@ def true_disc(camera, cam_from_object, center, radius):
 
 def disc_outline(camera, cam_from_object, center, radius, n_points=100):
     """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame."""
-    n_points = as_count(n_points, "n_points", 3)
+    radius = as_number(radius, "radius", 0)
+    return disc_outlines(camera, cam_from_object, [center], [radius], as_count(n_points, "n_points", 3))[0]
+
+
+def disc_outlines(camera, cam_from_object, centers, radii, n_points):
+    """`disc_outline` of m discs, centres (m, 3) and radii (m,), mm: (m, n_points, 2), px."""
     angles = np.linspace(0, 2 * np.pi, n_points, endpoint=False)
     rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(n_points)])
-    return camera.project(np.asarray(center) + as_number(radius, "radius", 0) * rim, cam_from_object)
+    points = np.asarray(centers)[:, None, :] + np.asarray(radii)[:, None, None] * rim
+    return camera.project(points.reshape(-1, 3), cam_from_object).reshape(len(points), n_points, 2)
 
 
 # ---- from rays to pixels ----

@@ -5,18 +5,20 @@ in the table of `baselines`.
 """
 
 from .baselines import DIFFERENTIAL_EVOLUTION, GENETIC, compare, search
-from .circle_counts import load_bits, load_counts, load_missed
-from .distances import GIVEN, count_below, load_two_stage_counts, printed_ratio, rayleigh_counts
-from .ga_success import REACHED, VARIANTS, load_success, trial_sets
+from .circle_counts import write_circle_counts, write_screw_bits
+from .datasets import dataset
+from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
+from .ga_success import REACHED, VARIANTS, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
-from .photographs import FOLDER, GRID_RADIUS, load_corners, load_grid, load_sensitivity
-from .sector_corners import load_sector_corners
-from .segmented_parts import load_parts
-from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses
+from .measured import load_measured, made_by, write_measured
+from .opencv_corners import sub_pixel_corners
+from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
+from .sector_corners import load_sector_corners, write_sector_corners
+from .segmented_parts import write_parts
+from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, write_rendered_trials
 
 __all__ = [
     "DIFFERENTIAL_EVOLUTION",
-    "FOLDER",
     "GENETIC",
     "GIVEN",
     "GRID_RADIUS",
@@ -26,23 +28,31 @@ __all__ = [
     "compare",
     "count_below",
     "coverage",
+    "dataset",
     "leave_one_out",
-    "load_bits",
     "load_corners",
-    "load_counts",
     "load_grid",
-    "load_missed",
-    "load_parts",
+    "load_measured",
     "load_rendered_trials",
     "load_sector_corners",
-    "load_sensitivity",
-    "load_success",
-    "load_two_stage_counts",
+    "made_by",
     "monte_carlo",
     "printed_ratio",
     "radial_profile",
     "rayleigh_counts",
     "search",
+    "sub_pixel_corners",
     "trial_poses",
     "trial_sets",
+    "write_circle_counts",
+    "write_grid",
+    "write_left_corners",
+    "write_measured",
+    "write_parts",
+    "write_rendered_trials",
+    "write_screw_bits",
+    "write_sector_corners",
+    "write_sensitivity",
+    "write_success",
+    "write_two_stage_counts",
 ]

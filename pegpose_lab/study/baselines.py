@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 import pandas as pd
 from scipy.optimize import differential_evolution, least_squares, minimize
-from scipy.spatial.transform import RigidTransform
 
 from ..calibration import (
     BOX,
@@ -18,6 +17,7 @@ from ..calibration import (
     calibrate_joint,
     calibrate_tsai,
     calibrate_zhang,
+    calibration_at,
 )
 from ..camera import TsaiCamera
 from ..checks import CalibrationError
@@ -59,7 +59,7 @@ def compare(object_points, image_points, camera, *, truth=None, rng=0):
         NaN.
     """
     views, rows = list(zip(object_points, image_points, strict=True)), []
-    for name, (method, shared) in _METHODS.items():
+    for name, (method, shared) in _RIVALS.items():
         start = time.process_time()
         try:
             found, evaluations = method(views, camera) if shared else search(name, *views[0], camera, rng)
@@ -81,7 +81,7 @@ def search(name, object_points, image_points, camera, rng):
     Calibration, int or NaN
         And the evaluations of the objective.
     """
-    method, _ = _METHODS[name]
+    method, _ = _RIVALS[name]
     return method(_Setting(object_points, image_points, camera, rng))
 
 
@@ -112,11 +112,9 @@ class _Setting:
     def result(self, chromosome, kappa1=None):
         """The calibration with (f, T_z); kappa1 by Eq. 6 if it is not given."""
         kappa1 = self.objective.kappa1(chromosome[None]).item() if kappa1 is None else kappa1
-        stage_1 = self.linear.cam_from_object[0]
-        camera = replace(self.linear.camera, focal_length=float(chromosome[0]), kappa1=float(kappa1))
-        pose = RigidTransform.from_components([*stage_1.translation[:2], chromosome[1]], stage_1.rotation)
-        residuals = camera.project(self.view[0], pose) - self.view[1]
-        return Calibration(camera, [pose], [residuals])
+        found = calibration_at(self.linear, chromosome, kappa1)
+        residuals = found.camera.project(self.view[0], found.cam_from_object[0]) - self.view[1]
+        return replace(found, residuals=[residuals])
 
 
 def _genetic(setting, **options):
@@ -188,7 +186,7 @@ def _joint(views, camera):
     return calibrate_joint(*map(list, zip(*views, strict=True)), camera), np.nan
 
 
-_METHODS = {  # name: (method, whether it is for all views)
+_RIVALS = {  # name: (method, whether it is for all views)
     "linear only": (lambda setting: (setting.linear, np.nan), False),
     "GA as printed": (lambda setting: _genetic(setting, initialisation="equal", **PRINTED), False),
     "GA corrected": (lambda setting: _genetic(setting, genes="printed"), False),

@@ -6,10 +6,11 @@ import pandas as pd
 
 from ..circles import find_circles
 from ..discs import fit_discs
+from ..files import MEASURED_FOLDER
 from .datasets import dataset
-from .photographs import FOLDER, _grey
+from .measured import load_measured, made_by, write_measured
+from .photographs import _grey
 
-COUNTS_FILE, KNOWN_FILE = "circle_counts.csv", "known_circles.csv"
 SCREWS = ("screws4-a", "*.jpg", (38, 62), "dark")
 SEARCHES = (  # data set, its pictures, radius range (px), polarity; all else is the default
     ("visp-mire2-a", "*.png", (5, 35), "bright"),
@@ -20,15 +21,13 @@ SEARCHES = (  # data set, its pictures, radius range (px), polarity; all else is
     ("opencv-samples", "smarties.png", (15, 45), "dark"),
     ("opencv-samples", "coins.jpg", (18, 32), "dark"),
 )
-MISSED_FILE = "missed_circles.csv"
 RIM, RIM_STEP = np.arange(2.0, 6.0), 10.0  # px on either side of a rim, and the step (grey values) that counts as one
 # How far a circle may be from the disc it stands for, in centre and radius, as a part of the radius: as in the
 # benchmark, for all data sets alike.  Marks by eye are good to half of it, and that an outline is an ellipse (mire2,
-# conrods, grid36: ratio of axes up to 1.65) asks for no more: `KNOWN_FILE` has its centroid and the radius of its area.
+# conrods, grid36: ratio of axes up to 1.65) asks for no more: known_circles.csv has its centroid and the radius of its area.
 NEAR = 0.1
 OFF = 0.8  # of the radius, 40 px for the screws' heads: a circle whose centre is no further off was meant for the disc
 ALONE = 1.6  # of the radius: half the side of the cut-out in which a disc is searched by itself
-BITS_FILE = "screw_bits.csv"
 
 
 def count_circles():
@@ -148,21 +147,22 @@ def measure_bits():
     return pd.DataFrame(rows, columns=["picture", "position", "present", "found", "fits", "apart"])
 
 
-def load_bits(path=FOLDER / BITS_FILE):
-    """Read the table of `measure_bits`."""
-    return pd.read_csv(path, comment="#")
-
-
-def load_known(path=FOLDER / KNOWN_FILE):
+def load_known():
     """Read where the discs are: dataset, picture, x, y, r (px), present (0: an empty place of screws4-a)."""
-    return pd.read_csv(path, comment="#")
+    return load_measured("known_circles")
 
 
-def load_missed(path=FOLDER / MISSED_FILE):
-    """Read the discs that `count_circles` missed."""
-    return pd.read_csv(path, comment="#")
+def write_circle_counts(folder=MEASURED_FOLDER):
+    """Write both tables of `count_circles` into `folder`; raises as it does."""
+    counts, missed = count_circles()
+    for file, table, what in (
+        ("circle_counts", counts, "circles found in photographs with known counts"),
+        ("missed_circles", missed.round(3), "discs not found in them (px), the share of their rim with a step, and why"),
+    ):
+        write_measured(folder, file, table, f"{what}; {made_by('circle_counts')}")
 
 
-def load_counts(path=FOLDER / COUNTS_FILE):
-    """Read the first table of `count_circles`."""
-    return pd.read_csv(path, comment="#")
+def write_screw_bits(folder=MEASURED_FOLDER):
+    """Write the table of `measure_bits` into `folder`; raises as it does."""
+    what, name = "the places of screws4-a: is a screw there, and is one found", "screw_bits"
+    write_measured(folder, name, measure_bits(), f"{what}; {made_by(name)}")

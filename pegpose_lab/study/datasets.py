@@ -13,8 +13,9 @@ import numpy as np
 import pandas as pd
 import pooch
 
-from ..checks import as_matched_points
-from ..files import PROJECT_FOLDER, replacing
+from ..checks import as_choice, as_matched_points
+from ..files import PROJECT_FOLDER
+from ..lab import results
 
 REGISTRY = PROJECT_FOLDER / "data" / "datasets.csv"
 _CORNER_COLUMNS = ["view", "i", "X", "Y", "u", "v"]
@@ -41,7 +42,7 @@ def dataset(name):
     FileNotFoundError
         If a file is missing, cannot be downloaded or is not the pinned one; the message says what to do.
     """
-    registry = pd.read_csv(REGISTRY, dtype=str, keep_default_na=False)
+    registry = results.read_csv(REGISTRY, as_text=True)
     files = registry[registry["dataset"] == name]
     folder = _local_folder(name)
     if folder is None and files.empty:
@@ -113,8 +114,7 @@ def load_points(name):
         As `dataset` does; ValueError also for a data set without matched points.
     """
     loaders = {"opencv_left": _load_opencv, "zhang_msr_5view": _load_zhang, "willson_coplanar": _load_willson}
-    if name not in loaders:
-        raise ValueError(f"name is {name!r}; expected one of {', '.join(loaders)}")
+    name = as_choice(name, "name", loaders)
     return loaders[name](dataset(name))
 
 
@@ -158,7 +158,7 @@ def read_corners(path):
     ValueError
         If a column is missing or a value is not a finite number.
     """
-    table = pd.read_csv(path, comment="#", dtype={"view": str})
+    table = results.read_csv(path, dtype={"view": str})
     if not set(_CORNER_COLUMNS) <= set(table.columns):
         expected = ", ".join(_CORNER_COLUMNS)
         raise ValueError(f"path {path} has columns {', '.join(table.columns)}; expected {expected}")
@@ -187,9 +187,7 @@ def write_corners(path, names, object_points, image_points, comment):
             + "expected one entry for each view"
         )
     tables = [_corner_table(*view) for view in zip(names, object_points, image_points)]
-    with replacing(path) as temporary:
-        body = pd.concat(tables).to_csv(index=False, lineterminator="\n")
-        temporary.write_text(f"# {' '.join(comment.split())}\n{body}", encoding="utf-8", newline="\n")
+    results.write_csv(path, pd.concat(tables), comment=comment)
 
 
 def _corner_table(name, object_points, image_points):

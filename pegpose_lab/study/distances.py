@@ -14,14 +14,13 @@ import pandas as pd
 from .. import paper
 from ..calibration import calibrate_genetic
 from ..checks import as_choice, as_count, as_number
-from ..files import PROJECT_FOLDER, replacing
+from ..files import MEASURED_FOLDER
 from ..paper import paper_experiment
+from .measured import made_by, write_measured
 
 GIVEN = ("mean", "rms")
 """What the limit is a multiple of: the mean of the distances (Eq. 7 as printed), or their root mean square."""
 
-TRIALS_FILE = PROJECT_FOLDER / "data" / "measured" / "two_stage_counts.csv"
-COMMAND = "python3 -m pegpose_lab.study.distances"
 TRIALS = 500
 """Trials of `write_two_stage_counts`."""
 
@@ -121,18 +120,7 @@ def printed_ratio():
     return paper.printed("F6.limit") / paper.printed("E-rms")
 
 
-def write_two_stage_counts(path=TRIALS_FILE, *, trials=TRIALS):
-    """Run `two_stage_counts` at the printed ratio and write its table (some minutes)."""
+def write_two_stage_counts(folder=MEASURED_FOLDER, *, trials=TRIALS):
+    """Run `two_stage_counts` at the printed ratio and write its table into `folder`."""
     table = two_stage_counts(range(trials), printed_ratio())
-    text = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
-    with replacing(path) as temporary:
-        temporary.write_text(f"# made by: {COMMAND}\n{text}", encoding="utf-8", newline="\n")
-
-
-def load_two_stage_counts(path=TRIALS_FILE):
-    """Read what `write_two_stage_counts` wrote."""
-    return pd.read_csv(path, comment="#")
-
-
-if __name__ == "__main__":
-    write_two_stage_counts()
+    write_measured(folder, "two_stage_counts", table, made_by("two_stage_counts"), float_format="%.6g")

@@ -1,7 +1,7 @@
 """The genetic algorithm's trial: its success over many seeds, and its rivals on the same corners and measures.
 
-``python3 -m pegpose_lab.study.ga_success`` writes data/measured/ga_success.csv: how often each variant of the algorithm ends at
-the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photographs.
+``python3 -m pegpose_lab measure ga_success`` writes data/measured/ga_success.csv: how often each variant of the algorithm
+ends at the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photographs.
 """
 
 from dataclasses import replace
@@ -16,11 +16,10 @@ from .. import paper
 from ..calibration import optimum_in_box, repeat_calibration
 from ..camera import TsaiCamera
 from ..corners import find_corners
-from ..files import replacing
+from ..files import MEASURED_FOLDER
 from . import photographs
+from .measured import made_by, write_measured
 
-COMMAND = "python3 -m pegpose_lab.study.ga_success"
-SUCCESS_FILE = "ga_success.csv"
 SEEDS = 100
 REACHED = 1e-4  # px above the optimum that count as reaching it
 
@@ -99,21 +98,8 @@ def _success(name, object_points, image_points, camera, variant, seeds):
     return name, variant, optimum, seeds, int(np.sum(excess <= REACHED)), float(np.median(excess)), float(excess.max())
 
 
-def load_success(path=photographs.FOLDER / SUCCESS_FILE):
-    """Read the table of `success_rates`."""
-    return pd.read_csv(path, comment="#")
-
-
-# --- rivals ------------------------------------------------------------------------------------------------
-
-
-def write_success(folder=photographs.FOLDER):
-    """Write the table of `success_rates` below `folder`."""
+def write_success(folder=MEASURED_FOLDER):
+    """Write the table of `success_rates` into `folder`."""
     table = success_rates().round({"optimum": 6, "median_excess": 6, "worst_excess": 6})
-    with replacing(folder / SUCCESS_FILE) as path:
-        comment = f"# seeds that end within {REACHED:g} px of the optimum of the box (Eq. 7, px); made by: {COMMAND}\n"
-        path.write_text(comment + table.to_csv(index=False, lineterminator="\n"), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    write_success()
+    what = f"seeds that end within {REACHED:g} px of the optimum of the box (Eq. 7, px)"
+    write_measured(folder, "ga_success", table, f"{what}; {made_by('ga_success')}")

@@ -2,7 +2,6 @@
 
 import cv2
 import numpy as np
-import pandas as pd
 
 from ..calibration import calibrate_joint
 from ..camera import TsaiCamera
@@ -10,17 +9,18 @@ from ..checks import DetectionError
 from ..circles import find_circles
 from ..corners import find_corners
 from ..discs import fit_discs
-from ..files import PROJECT_FOLDER
+from ..files import MEASURED_FOLDER
 from ..targets import Checkerboard
-from .datasets import dataset, read_corners
+from .datasets import dataset, read_corners, write_corners
 from .held_out import sensitivity
+from .measured import made_by, write_measured
+from .opencv_corners import sub_pixel_corners
 
-FOLDER = PROJECT_FOLDER / "data" / "measured"
-CORNERS_FILE = "opencv_left_corners.csv"
+CORNERS = "opencv_left_corners"
 LEFT_BOARD = Checkerboard(columns=9, rows=6, square=30.0)
 LEFT_SIZE = (640, 480)
-SENSITIVITY_FILE, WINDOWS = "opencv_left_detectors.csv", (5, 11)  # px, half widths as cv2.cornerSubPix takes them
-GRID_FILE = "visp_circles_centers.csv"
+WINDOWS = (5, 11)  # px, half widths as cv2.cornerSubPix takes them
+GRID = "visp_circles_centers"
 GRID_PITCH, GRID_SIZE = 34.0, (320, 240)  # mm, px
 GRID_RADIUS = GRID_PITCH / 3  # mm, of a disc
 
@@ -71,23 +71,32 @@ def measure_sensitivity():
     """
     paths = sorted(dataset("opencv_left").glob("left[0-9][0-9].jpg"))
     _, object_points, corners = measure_corners()
-    images, stop = {"find_corners": corners}, (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, 50, 1e-4)
+    images = {"find_corners": corners}
     for half in WINDOWS:
         images[f"cornerSubPix, {2 * half + 1} px"] = [
-            cv2.cornerSubPix(_read(path), seen.astype(np.float32), (half, half), (-1, -1), stop).reshape(-1, 2)
-            for path, seen in zip(paths, corners, strict=True)
+            sub_pixel_corners(_read(path), seen, half) for path, seen in zip(paths, corners, strict=True)
         ]
     width, height = LEFT_SIZE
     camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), LEFT_SIZE)
     return sensitivity(lambda *views: calibrate_joint(*views, camera), object_points, images)
 
 
-def load_sensitivity(path=FOLDER / SENSITIVITY_FILE):
-    """Read the table of `measure_sensitivity`."""
-    return pd.read_csv(path, comment="#")
+def write_sensitivity(folder=MEASURED_FOLDER):
+    """Write the table of `measure_sensitivity` into `folder`; raises as it does."""
+    what, name = "joint calibration of opencv_left by three corner detectors", "opencv_left_detectors"
+    write_measured(folder, name, measure_sensitivity(), f"{what}; {made_by(name)}")
 
 
-def load_corners(path=FOLDER / CORNERS_FILE):
+def write_left_corners(folder=MEASURED_FOLDER):
+    """Write what `measure_corners` finds into `folder`; raises as it does."""
+    comment = (
+        f"corners by find_corners in OpenCV's left01..left14.jpg ({LEFT_SIZE[0]} x {LEFT_SIZE[1]} px), board of "
+        f"{LEFT_BOARD.columns} x {LEFT_BOARD.rows} corners, X Y in mm, u v in px; {made_by(CORNERS)}"
+    )
+    write_corners(folder / f"{CORNERS}.csv", *measure_corners(), comment)
+
+
+def load_corners(folder=MEASURED_FOLDER):
     """Read the measured corners of opencv_left.
 
     Returns
@@ -98,7 +107,7 @@ def load_corners(path=FOLDER / CORNERS_FILE):
         (width, height), px.
     names : list of str
     """
-    names, object_points, image_points = read_corners(path)
+    names, object_points, image_points = read_corners(folder / f"{CORNERS}.csv")
     return object_points, image_points, LEFT_SIZE, names
 
 
@@ -137,7 +146,16 @@ def _grid_centers(path):
     return discs.centers[nearest]
 
 
-def load_grid(path=FOLDER / GRID_FILE):
+def write_grid(folder=MEASURED_FOLDER):
+    """Write what `measure_grid` finds into `folder`; raises as it does."""
+    comment = (
+        "centres of the discs' images by fit_discs in ViSP's circles-01..05.jpg (320 x 240 px), grid of 6 x 6 discs, "
+        f"X Y in mm, u v in px; {made_by(GRID)}"
+    )
+    write_corners(folder / f"{GRID}.csv", *measure_grid(), comment)
+
+
+def load_grid(folder=MEASURED_FOLDER):
     """Read the measured discs of visp_circles; returns as `load_corners`."""
-    names, object_points, image_points = read_corners(path)
+    names, object_points, image_points = read_corners(folder / f"{GRID}.csv")
     return object_points, image_points, GRID_SIZE, names

@@ -9,12 +9,12 @@ import cv2
 import numpy as np
 
 from ..checks import DetectionError
-from ..files import PROJECT_FOLDER
+from ..files import MEASURED_FOLDER
 from ..paper import paper_experiment
 from .datasets import read_corners, write_corners
+from .measured import made_by
 
-FILE = PROJECT_FOLDER / "data" / "measured" / "sector_corners.csv"
-COMMAND = "python3 -m pegpose_lab.study.sector_corners"
+NAME = "sector_corners"
 
 
 def find_sector_corners(index):
@@ -36,21 +36,17 @@ def find_sector_corners(index):
     return min((points, points[::-1]), key=lambda order: np.abs(order - exact).max())
 
 
-def write_sector_corners(path=FILE):
-    """Find the corners of all five boards anew and write them."""
+def write_sector_corners(folder=MEASURED_FOLDER):
+    """Find the corners of all five boards anew and write them into `folder`; raises as `find_sector_corners`."""
     board = paper_experiment().board.object_points
     views = [find_sector_corners(index) for index in range(5)]
     comment = (
         "corners by cv2.findChessboardCornersSB (exhaustive, accurate) in the five rendered boards of the experiment, "
-        f"X Y in mm, u v in px; made by: {COMMAND}"
+        f"X Y in mm, u v in px; {made_by(NAME)}"
     )
-    write_corners(path, [str(index + 1) for index in range(5)], [board] * 5, views, comment)
+    write_corners(folder / f"{NAME}.csv", [str(index + 1) for index in range(5)], [board] * 5, views, comment)
 
 
-def load_sector_corners(path=FILE):
+def load_sector_corners(folder=MEASURED_FOLDER):
     """Read what `write_sector_corners` wrote: a list of five (48, 2) arrays, px."""
-    return read_corners(path)[2]
-
-
-if __name__ == "__main__":
-    write_sector_corners()
+    return read_corners(folder / f"{NAME}.csv")[2]

@@ -4,13 +4,15 @@ import numpy as np
 import pandas as pd
 
 from .. import paper
+from ..files import MEASURED_FOLDER
 from ..render import true_disc
 from ..segmentation import segment
 from .circle_counts import load_known
 from .datasets import dataset
-from .photographs import FOLDER, _grey
+from .measured import made_by, write_measured
+from .photographs import _grey
 
-PARTS_FILE, PART_OFF, PART_AREA = "segmented_parts.csv", 0.3, 0.3  # of a disc's radius, and of its area
+PART_OFF, PART_AREA = 0.3, 0.3  # of a disc's radius, and of its area
 HUB_COLUMNS, LIGHTS = (40, 680), (1, 2, 4, 8)  # px, where the rendered hub is; how many times lighter its right side
 
 
@@ -60,6 +62,7 @@ def _own_parts(parts, places):
     return int(((apart < PART_OFF * r) & (np.abs(larger) < PART_AREA)).any(axis=0).sum())
 
 
-def load_parts(path=FOLDER / PARTS_FILE):
-    """Read the table of `count_parts`."""
-    return pd.read_csv(path, comment="#", dtype={"levels": str})
+def write_parts(folder=MEASURED_FOLDER):
+    """Write the table of `count_parts` into `folder`; raises as it does."""
+    what, name = "discs that are a part of their own by segment and by Otsu's threshold alone", "segmented_parts"
+    write_measured(folder, name, count_parts(), f"{what}; {made_by(name)}")

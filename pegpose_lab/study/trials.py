@@ -17,14 +17,15 @@ from tqdm import tqdm
 from .. import paper
 from ..calibration import calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
 from ..camera import TsaiCamera
-from ..checks import CalibrationError, DetectionError, as_count, as_number
+from ..checks import CalibrationError, DetectionError, as_choice, as_count, as_number
 from ..corners import find_corners
-from ..files import PROJECT_FOLDER, replacing
+from ..files import MEASURED_FOLDER
+from ..lab import results
 from ..paper import Experiment, paper_camera
 from ..render import render_board
 from ..targets import Checkerboard
 
-METHODS = ("tsai", "genetic", "zhang", "joint")
+CALIBRATION_METHODS = ("tsai", "genetic", "zhang", "joint")
 """Methods of `monte_carlo`; the first two get the first of the views alone, and the true principal point."""
 
 CORNERS = ("simulated", "rendered")
@@ -40,7 +41,7 @@ _FOUND = [*PARAMETERS, "T_z_error", "rms", "mean_distance", "corner_sigma", "exp
 _NUMBERS = [*(column for name in PARAMETERS for column in (name, f"{name}_sigma")), *_FOUND[len(PARAMETERS) :]]
 _COLUMNS = [*_KEY, *_NUMBERS, "status", "flags"]
 
-RENDERED_FILE = PROJECT_FOLDER / "data" / "measured" / "rendered_trials.csv"
+RENDERED_FILE = "rendered_trials.csv"
 RENDERED = {"corners": "rendered", "noises": (2.0,), "trials": 200}
 """The trials of `write_rendered_trials`: pictures with the noise of the paper's experiment."""
 
@@ -73,7 +74,7 @@ def monte_carlo(
     views : sequence of int
         Number of boards.
     methods : sequence of str
-        Of `METHODS`.
+        Of `CALIBRATION_METHODS`.
     trials : int
         Of each combination.
     seed : int
@@ -101,8 +102,7 @@ def monte_carlo(
     ValueError
         If an argument is unusable or the file has other columns.
     """
-    if corners not in CORNERS:
-        raise ValueError(f"corners is {corners!r}; expected {' or '.join(map(repr, CORNERS))}")
+    corners = as_choice(corners, "corners", CORNERS)
     conditions = _as_conditions(noises, tilts, views, methods, trials)
     seed = as_count(seed, "seed", 0)
     wanted = [(seed, corners, *condition) for condition in conditions]
@@ -205,10 +205,7 @@ def _as_conditions(noises, tilts, views, methods, trials):
     noises = [as_number(noise, "noises", 0) for noise in _as_sequence(noises, "noises")]
     tilts = [as_number(tilt, "tilts", 0, 45) for tilt in _as_sequence(tilts, "tilts")]
     views = [as_count(number, "views", 1) for number in _as_sequence(views, "views")]
-    methods = _as_sequence(methods, "methods")
-    unknown = set(methods) - set(METHODS)
-    if unknown:
-        raise ValueError(f"methods has {', '.join(map(str, unknown))}; expected some of {', '.join(METHODS)}")
+    methods = [as_choice(name, "methods", CALIBRATION_METHODS) for name in _as_sequence(methods, "methods")]
     return list(dict.fromkeys(product(noises, tilts, views, methods, range(as_count(trials, "trials", 1)))))
 
 
@@ -252,19 +249,18 @@ def _save(path, done, rows):
         return done
     table = pd.concat([done, _as_table(rows)]) if len(done) else _as_table(rows)
     if path is not None:
-        with replacing(path) as temporary:
-            table.to_csv(temporary, index=False, float_format="%.17g", lineterminator="\n")
+        results.write_csv(path, table, float_format="%.17g")
     return table
 
 
-def write_rendered_trials(path=RENDERED_FILE, *, workers=2):
-    """Run the trials `RENDERED` of `monte_carlo` (some minutes), or those that the file does not have yet."""
-    return monte_carlo(**RENDERED, workers=workers, path=path)
+def write_rendered_trials(folder=MEASURED_FOLDER, *, workers=2):
+    """Run the trials `RENDERED` of `monte_carlo`, or those that the file in `folder` does not have yet."""
+    monte_carlo(**RENDERED, workers=workers, path=folder / RENDERED_FILE)
 
 
-def load_rendered_trials(path=RENDERED_FILE):
+def load_rendered_trials(folder=MEASURED_FOLDER):
     """Read what `write_rendered_trials` wrote."""
-    return _finished(path)
+    return _finished(folder / RENDERED_FILE)
 
 
 def _as_table(rows):

@@ -33,7 +33,7 @@ def test_commands_start_on_a_bare_python():
 
 @pytest.mark.parametrize("module", [
         "__init__", "__main__", "lab/__init__", "lab/environment", "lab/installers", "lab/progress", "lab/notebooks/__init__",
-        "lab/notebooks/exploring",
+        "lab/notebooks/exploring", "lab/command_line", "lab/measuring", "files",
     ])
 def test_an_old_python_can_read_up_to_the_message(module):
     source = (CHECKOUT / "pegpose_lab" / f"{module}.py").read_text(encoding="utf-8")
@@ -92,7 +92,7 @@ def test_words_beyond_the_locale_are_no_error(tmp_path):
     assert "Pr\\xfcfstand is no folder: name another folder with --output" in told
 
 
-@pytest.mark.parametrize("line", ["reproduce --output", "bench --output"])
+@pytest.mark.parametrize("line", ["reproduce --output", "bench --output", "measure --output"])
 def test_output_that_cannot_be_written_is_told_before_the_work(tmp_path, monkeypatch, line):
     monkeypatch.setattr(os, "access", lambda path, mode: Path(path) != tmp_path)
     options = commands._parse([*line.split(), str(tmp_path / "new" / "output")])

@@ -24,7 +24,8 @@ ORDER = (
     ("bench",),
     ("lab.widgets", "lab.front_page"),
     ("lab.notebooks.agreement", "lab.notebooks.testing", "lab.notebooks.exploring"),
-    ("lab.notebooks.running", "lab.notebooks.processors"),
+    ("lab.notebooks.running", "lab.notebooks.processors", "lab.measuring"),
+    ("lab.command_line",),
     ("__main__",),
 )
 RANK = {room: rank for rank, rooms in enumerate(ORDER) for room in rooms}
@@ -34,6 +35,7 @@ METHOD = [room for rooms in ORDER[:5] for room in rooms]
 CORRIDORS = ("lab", "lab.notebooks")
 BARE = (
     "files", "lab", "lab.environment", "lab.installers", "lab.progress", "lab.notebooks", "lab.notebooks.exploring",
+    "lab.measuring", "lab.command_line", "__main__",
 )  # fmt: skip
 LIBRARIES = {"numpy", "scipy", "cv2"}
 

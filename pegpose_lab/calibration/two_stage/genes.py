@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from ...checks import as_choice
+
 BOX = 0.25
 """Half-width of stage 2's box, as a fraction of the linear f and T_z (Eq. 5)."""
 
@@ -25,8 +27,7 @@ class _Genes:
     """
 
     def __init__(self, form, linear, c2, box):
-        if form not in ("magnification", "printed"):
-            raise ValueError(f"genes is {form!r}; expected 'magnification' or 'printed'")
+        form = as_choice(form, "genes", ("magnification", "printed"))
         centre = np.array([linear.camera.focal_length, linear.cam_from_object[0].translation[2]])
         half = box * np.abs(centre)
         self.form, self.lower, self.upper = form, centre - half, centre + half

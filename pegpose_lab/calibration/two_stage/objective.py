@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...camera import distort_radius, max_undistorted_radius
-from ...checks import as_matched_points
+from ...checks import as_choice, as_matched_points
 from ..result import MINIMUM_POINTS
 
 PENALTY = 1e6
@@ -60,11 +60,9 @@ class TwoStageObjective:
 
     def __init__(self, object_points, image_points, linear, *, kappa1="shared"):
         object_points, image_points = as_matched_points(object_points, image_points, MINIMUM_POINTS)
-        if kappa1 not in ("shared", "per-point"):
-            raise ValueError(f"kappa1 is {kappa1!r}; expected 'shared' or 'per-point'")
         pose = linear.cam_from_object[0]
         x_turned, y_turned, self.c2 = pose.rotation.apply(object_points).T
-        self.form = kappa1
+        self.form = as_choice(kappa1, "kappa1", ("shared", "per-point"))
         self.pixels_per_mm = np.array(linear.camera.pixels_per_mm)
         self.sensor_points = linear.camera.to_sensor(image_points)
         self.squared_radius = np.sum(self.sensor_points**2, axis=1)

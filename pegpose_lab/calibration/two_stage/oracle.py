@@ -4,14 +4,12 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from ...checks import CalibrationError, as_number, undetermined_if_singular
-from ..result import Calibration
 from .flags import _allowed_f, _edge_flags
 from .genes import BOX, _Genes
 from .objective import PENALTY, TwoStageObjective
-from .stages import calibrate_tsai
+from .stages import calibrate_tsai, calibration_at
 
 SCANNED, SCANNED_F = 401, 41
 """Values of T_z across the box that `optimum_in_box` starts from, and of f for each of them."""
@@ -68,13 +66,9 @@ def optimum_in_box(object_points, image_points, camera, *, box=BOX):
     found, values = _narrow(lambda t: _valley_floor(objective, t, f_range, FINE)[1], low, high, NARROWED, FINE)
     t_z = found[values.argmin()]
     best = np.array([_valley_floor(objective, t_z, f_range, FINE)[0], t_z])
-    kappa1, stage_1 = objective.kappa1(best[None]).item(), linear.cam_from_object[0]
-    return Calibration(
-        replace(linear.camera, focal_length=best[0], kappa1=kappa1),
-        [RigidTransform.from_components([*stage_1.translation[:2], best[1]], stage_1.rotation)],
-        [objective.residuals(best[None])[0]],
-        linear.flags + _edge_flags(coding, best, partial(_allowed_f, object_points, image_points, camera)),
-    )
+    optimum = calibration_at(linear, best, objective.kappa1(best[None]).item(), objective.residuals(best[None])[0])
+    flags = _edge_flags(coding, best, partial(_allowed_f, object_points, image_points, camera))
+    return replace(optimum, flags=linear.flags + flags)
 
 
 def _valley_floor(objective, t_z, f_range, scans):

@@ -188,12 +188,14 @@ class _Start:
         flags = self.linear.flags + _edge_flags(self.coding, best[-1], self.allowed_f)
         if self.objective.form == "per-point":
             flags += ("With one kappa1 per point Eq. 7 is the same for all (f, T_z): these were drawn, not found.",)
-        pose = self.linear.cam_from_object[0]
-        return Calibration(
-            replace(self.linear.camera, focal_length=best[-1, 0], kappa1=kappa1[-1]),
-            [RigidTransform.from_components([*pose.translation[:2], best[-1, 1]], pose.rotation)],
-            [self.common.residuals(best[-1:])[0]],
-            flags,
-            history=history,
-            populations=populations,
-        )
+        residuals = self.common.residuals(best[-1:])[0]
+        found = calibration_at(self.linear, best[-1], kappa1[-1], residuals)
+        return replace(found, flags=flags, history=history, populations=populations)
+
+
+def calibration_at(linear, chromosome, kappa1, residuals=None):
+    """Return stage 1 with another (f, T_z), mm, and kappa1, mm^-2: without flags, and with the residuals that are given."""
+    stage_1 = linear.cam_from_object[0]
+    camera = replace(linear.camera, focal_length=chromosome[0], kappa1=kappa1)
+    pose = RigidTransform.from_components([*stage_1.translation[:2], chromosome[1]], stage_1.rotation)
+    return Calibration(camera, [pose], [] if residuals is None else [residuals])

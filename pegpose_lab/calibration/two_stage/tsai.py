@@ -240,15 +240,30 @@ def _demand_view(points, rotation, translation, focal_length):
 
 def _judge(focal_length, sigma, tilt):
     """Flags of a solution; `CalibrationError` if the 95 % interval of f reaches zero."""
-    half = CONFIDENCE * sigma
-    interval = f"95 % interval of f, by noise alone: {focal_length - half:.4g} to {focal_length + half:.4g} mm"
-    if half >= focal_length:
-        raise CalibrationError(
-            f"the view does not determine f ({interval}); tilt the board by about 30 deg, bring it nearer "
-            "or use more points"
-        )
+    refusal = "the view does not determine f ({}); tilt the board by about 30 deg, bring it nearer or use more points"
+    kind = "95 % interval of f, by noise alone:"
+    interval, loose = judge_interval(focal_length, CONFIDENCE * sigma, f"{kind} {{}} mm", refusal)
     if tilt is not None and tilt < SMALL_TILT:
         return (f"The plane is tilted by {tilt:.1f} deg only, so f and T_z trade off ({interval}); tilt it more.",)
-    if half > LOOSE_INTERVAL * focal_length:
+    if loose:
         return (f"The view hardly determines f ({interval}); tilt the board more or use more points.",)
     return ()
+
+
+def judge_interval(value, half, words, refusal):
+    """Judge the interval value +- half of f.
+
+    Returns
+    -------
+    str, bool
+        The interval in `words`, and whether it is longer than `LOOSE_INTERVAL` allows.
+
+    Raises
+    ------
+    CalibrationError
+        With the text of `refusal`, if the interval reaches zero.
+    """
+    interval = words.format(f"{value - half:.4g} to {value + half:.4g}")
+    if half >= value:
+        raise CalibrationError(refusal.format(interval))
+    return interval, bool(half > LOOSE_INTERVAL * value)

@@ -4,7 +4,7 @@ import ipywidgets
 import numpy as np
 
 from ...checks import DetectionError, as_image
-from ...circles import METHODS, find_circles
+from ...circles import DETECTION_METHODS, find_circles
 from ...segmentation import segment
 from ..plotting import COLORS
 from .drawing import _canvas, _circle, _resized
@@ -46,7 +46,7 @@ def circle_explorer(image, *, radius_range=(20, 60), polarity="bright"):
                                 max(min(image.shape) // 4, radius_range[1]), live=False),
         "sensitivity": _slider(ipywidgets.FloatSlider, "sensitivity (0 to 1)", 0.85, 0.0, 1.0, step=0.01,
                                live=False),
-        "method": ipywidgets.Dropdown(options=METHODS, description="method", **_look()),
+        "method": ipywidgets.Dropdown(options=DETECTION_METHODS, description="method", **_look()),
     })
 
 

@@ -1,6 +1,5 @@
 """The explorer of the hub's pose."""
 
-from dataclasses import replace
 from functools import lru_cache
 
 import cv2
@@ -8,7 +7,6 @@ import ipywidgets
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from ...camera import OpenCVCamera, TsaiCamera
 from ...pegs import locate_pegs
 from ...pose import estimate_pose
 from ...render import render_hub
@@ -72,14 +70,7 @@ def hub_explorer(camera, hub, cam_from_plane, *, angle=-140.0, shift=0.0, blur=0
 
 def _smaller(camera, width):
     """The same camera with pixels so large that its picture is at most `width` px wide."""
-    scale = min(1.0, width / camera.image_size[0])
-    size = tuple(max(1, round(scale * side)) for side in camera.image_size)
-    if isinstance(camera, TsaiCamera):
-        pitch = np.array(camera.pixel_pitch) / scale
-        middle = scale * (np.array(camera.principal_point) + 0.5) - 0.5
-        return replace(camera, pixel_pitch=pitch, principal_point=middle, image_size=size)
-    to_small = np.array([[scale, 0, 0.5 * scale - 0.5], [0, scale, 0.5 * scale - 0.5], [0, 0, 1]])
-    return OpenCVCamera(to_small @ camera.camera_matrix, camera.dist_coeffs, size)
+    return camera.scaled(min(1.0, width / camera.image_size[0]))
 
 
 def _paint_pegs(picture, scale, seen):

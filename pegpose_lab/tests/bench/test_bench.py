@@ -194,7 +194,7 @@ def test_bench_goes_on_without_what_cannot_be_installed(installs, monkeypatch, c
 
 def test_optional_group_has_the_peers():
     names = [requirement.split(">")[0] for requirement in environment._bench_group()]
-    packages = {method.package for method in peers.METHODS.values()}
+    packages = {method.package for method in peers.COMPARED.values()}
     assert set(names) == packages - {"pegpose_lab", "opencv-python-headless", "opencv-contrib-python-headless"}
 
 

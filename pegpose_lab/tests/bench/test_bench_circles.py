@@ -187,9 +187,9 @@ def test_time_ratio_is_that_of_the_same_frame():
 # ---- methods ----
 
 
-@pytest.mark.parametrize("name", [n for n, m in peers.METHODS.items() if m.module == "cv2" or m.share == 1])
+@pytest.mark.parametrize("name", [n for n, m in peers.COMPARED.items() if m.module == "cv2" or m.share == 1])
 def test_every_fast_method_finds_the_clean_pegs(name, frames):
-    method = peers.METHODS[name]
+    method = peers.COMPARED[name]
     if peers.missing(method):
         pytest.skip(peers.missing(method))
     found, seconds = peers.run(method, raycast.expose(frames["clean"].picture, 2, 0), scenes.RADIUS_RANGE)
@@ -200,12 +200,12 @@ def test_every_fast_method_finds_the_clean_pegs(name, frames):
 
 def test_slow_methods_get_the_first_frames_only(monkeypatch):
     monkeypatch.setattr(peers, "missing", lambda _: "")
-    chosen = [name for k in range(200) for name in score._methods_for(peers.METHODS, k, 200)]
-    counts = {name: chosen.count(name) for name in peers.METHODS}
+    chosen = [name for k in range(200) for name in score._methods_for(peers.COMPARED, k, 200)]
+    counts = {name: chosen.count(name) for name in peers.COMPARED}
     assert {counts[name] for name in FAST} == {200}
     assert counts["skimage hough_circle"] == counts["find_circles accumulator"] == 8
     assert counts["find_circles two-stage"] == 20
-    assert "skimage hough_circle" in score._methods_for(peers.METHODS, 0, 1)
+    assert "skimage hough_circle" in score._methods_for(peers.COMPARED, 0, 1)
 
 
 # ---- measuring ----

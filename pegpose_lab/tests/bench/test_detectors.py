@@ -20,9 +20,9 @@ def _small_picture():
     return to_uint8(picture, 1, 0)
 
 
-@pytest.mark.parametrize("name", peers.METHODS)
+@pytest.mark.parametrize("name", peers.COMPARED)
 def test_methods_keep_to_the_range_and_bear_empty_pictures(name):
-    method = peers.METHODS[name]
+    method = peers.COMPARED[name]
     if peers.missing(method):
         pytest.skip(peers.missing(method))
     found, _ = peers.run(method, _small_picture(), (40, 60))
@@ -42,19 +42,19 @@ def test_radius_sigma_is_first_order_in_the_axes():
 
 def test_missing_packages_are_named(monkeypatch, tmp_path):
     monkeypatch.setattr(environment, "VENV", tmp_path)
-    method = peers.METHODS["EdgeDrawing"]
+    method = peers.COMPARED["EdgeDrawing"]
     assert peers.missing(method) == "opencv-contrib-python-headless is not installed"
     assert peers.version(method) == ""
     monkeypatch.setattr(peers.importlib.util, "find_spec", lambda _: None)
-    assert "scikit-image" in peers.missing(peers.METHODS["skimage hough_circle"])
+    assert "scikit-image" in peers.missing(peers.COMPARED["skimage hough_circle"])
     names = ("EdgeDrawing", "skimage hough_circle")
     assert resources.describe_methods(names, names)["missing"][0] == peers.missing(method)
     assert score._methods_for(names, 0, 10) == []
 
 
 def test_every_detector_has_a_style_of_its_own():
-    assert set(plotting.DETECTORS) == set(peers.METHODS)
-    assert len(set(plotting.DETECTORS.values())) == len(peers.METHODS)
+    assert set(plotting.DETECTORS) == set(peers.COMPARED)
+    assert len(set(plotting.DETECTORS.values())) == len(peers.COMPARED)
 
 
 # ---- measuring ----
@@ -73,7 +73,7 @@ def test_memory_is_that_of_the_call(tmp_path):
     np.save(tmp_path / "frame.npy", np.zeros((4000, 5000), np.uint8))
     code = (
         "import sys, numpy as np; from pegpose_lab.bench import detectors, peers, resources; "
-        "peers.METHODS['x'] = detectors.Method('x', lambda image, _: np.ones(image.size).sum(), ''); "
+        "peers.COMPARED['x'] = detectors.Method('x', lambda image, _: np.ones(image.size).sum(), ''); "
         "resources.tell_memory('x', sys.argv[1])"
     )
     command = [sys.executable, "-c", code, tmp_path / "frame.npy"]

@@ -4,8 +4,9 @@ import pandas as pd
 import pytest
 
 from pegpose_lab.bench import FULL, QUICK, peers, scenes, tuning
+from pegpose_lab.study import load_measured, made_by
 
-PEERS = [name for name, method in peers.METHODS.items() if method.module != "pegpose_lab"]
+PEERS = [name for name, method in peers.COMPARED.items() if method.module != "pegpose_lab"]
 
 
 def _table(*rows):
@@ -45,14 +46,14 @@ def test_the_second_rank_is_the_choice_among_the_rest():
 
 
 def test_peers_have_the_first_settings_of_the_committed_ranking():
-    ranking = tuning.load_settings()
+    ranking = load_measured(tuning.NAME)
     first = ranking[ranking["rank"] == 1].set_index("peer")["settings"]
-    assert dict(first) == {name: peers.METHODS[name].settings for name in PEERS}
+    assert dict(first) == {name: peers.COMPARED[name].settings for name in PEERS}
 
 
 def test_committed_ranking_is_that_of_its_scores_and_of_the_whole_grid():
     """Ranked again from the grid's order; its numbers are rounded, so that ties may turn only behind the first."""
-    ranking, frames = tuning.load_settings(), tuning.FRAMES * len(scenes.MAIN)
+    ranking, frames = load_measured(tuning.NAME), tuning.FRAMES * len(scenes.MAIN)
     assert list(tuning.GRIDS) == PEERS
     for name, part in ranking.groupby("peer"):
         grid = [method.settings for method in tuning.candidates(name)]
@@ -79,5 +80,5 @@ def test_a_trial_counts_and_measures(monkeypatch, tmp_path):
     assert 1 < good.center < 10 and good.error == pytest.approx((good.center * good.radius) ** 0.5)
     assert good.settings == "Gaussian 1 px, threshold 100, outline > pi r_min, axes' ratio > 0.8" and good.ms > 0
     tuning.write_settings(tuning.rank(table), tmp_path)
-    assert (tmp_path / tuning.SETTINGS_FILE).read_text(encoding="utf-8").split("\n")[0].endswith(tuning.COMMAND)
-    assert list(tuning.load_settings(tmp_path / tuning.SETTINGS_FILE)["rank"]) == [1, 2]
+    assert (tmp_path / "peer_settings.csv").read_text(encoding="utf-8").split("\n")[0].endswith(made_by(tuning.NAME))
+    assert list(load_measured(tuning.NAME, tmp_path)["rank"]) == [1, 2]

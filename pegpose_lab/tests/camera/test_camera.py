@@ -36,6 +36,16 @@ def test_distortion_is_eq_3_written_out():
     assert image_point == pytest.approx(np.array([[1.02 * x_d / 0.01 + 310, y_d / 0.012 + 240]]), abs=1e-10)
 
 
+@pytest.mark.parametrize("camera", [replace(paper_camera(), kappa1=1e-5, scale_x=1.02), paper_camera().to_opencv()])
+@pytest.mark.parametrize("scale", [0.25, 1.5])
+def test_a_scaled_camera_has_the_same_picture_in_other_pixels(camera, scale):
+    """Pixels are squares around whole numbers: their corner (-0.5, -0.5) stays where it is."""
+    scaled, points = camera.scaled(scale), np.array([[0.0, 0, 0], [20, -15, 3], [-30, 25, 9]])
+    expected = scale * (camera.project(points, POSE) + 0.5) - 0.5
+    assert scaled.project(points, POSE) == pytest.approx(expected, abs=1e-9)
+    assert type(scaled) is type(camera) and scaled.image_size == tuple(round(scale * side) for side in camera.image_size)
+
+
 @pytest.mark.parametrize("kappa1", [1.097e-5, 0.0, 1e-12, -1e-12, 1e-3, -2e-4, 0.3])
 def test_pixels_return_to_themselves(kappa1):
     reference = paper_camera()

@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pegpose_lab.circles import METHODS, Circles, find_circles
+from pegpose_lab.circles import DETECTION_METHODS, Circles, find_circles
 from pegpose_lab.tests.pictures import SEEDS, Scene, scenes
 
 
@@ -60,7 +60,7 @@ SEARCHES = st.builds(
     _random_search,
     scenes(masks=1),
     SEEDS,
-    method=st.sampled_from((None, None, *METHODS)),
+    method=st.sampled_from((None, None, *DETECTION_METHODS)),
     known=st.sampled_from((True, True, True, True, False)),
     others=st.just([]) | st.just([]) | st.lists(st.sampled_from(OTHERS), min_size=1, max_size=2, unique=True),
 )
@@ -135,8 +135,8 @@ def test_promises_hold_for_any_picture_and_a_quarter_of_them_has_circles():
         _check_search(search, seen)
 
     check()
-    assert sum(seen[method, "searches"] for method in METHODS) > 1900, seen
-    for method in METHODS:
+    assert sum(seen[method, "searches"] for method in DETECTION_METHODS) > 1900, seen
+    for method in DETECTION_METHODS:
         assert seen[method, "with circles"] >= 0.25 * seen[method, "searches"], seen
         assert seen[method, "with true circles"] >= 0.1 * seen[method, "searches"], seen
     assert min(seen[name, "with circles"] for name in OTHERS) > 20 and seen["max_circles", "at work"] > 5, seen

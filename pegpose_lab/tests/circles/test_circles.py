@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from pegpose_lab.circles import METHODS, circle_accumulator, find_circles
+from pegpose_lab.circles import DETECTION_METHODS, circle_accumulator, find_circles
 from pegpose_lab.tests.circles.searches import RANGE, TRUTH, _match, _picture
 from pegpose_lab.tests.pictures import TURNS, draw_ellipses, to_uint8
 
@@ -23,7 +23,7 @@ def test_otsu_is_the_default_edge_threshold():
 # ------------------------------------------------------------------------------------------------- searches
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 def test_finds_bright_and_dark_discs(method):
     image = _picture()
     _match(find_circles(image, RANGE, method=method), TRUTH, 1.0, 1.0)
@@ -31,7 +31,7 @@ def test_finds_bright_and_dark_discs(method):
     assert len(find_circles(image, RANGE, method=method, polarity="dark", sensitivity=0.6)) == 0
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 def test_finds_discs_in_a_mask(method):
     mask = _picture(noise=0) > 110
     _match(find_circles(mask, RANGE, method=method), TRUTH, 1.0, 1.5)
@@ -40,7 +40,7 @@ def test_finds_discs_in_a_mask(method):
 def test_two_stage_radii_are_whole_and_the_others_are_not():
     image = _picture()
     assert (find_circles(image, RANGE, method="two-stage").radii % 1 == 0).all()
-    for method in set(METHODS) - {"two-stage"}:
+    for method in set(DETECTION_METHODS) - {"two-stage"}:
         radii = find_circles(image, RANGE, method=method).radii
         assert (radii % 1 != 0).any()
 
@@ -53,7 +53,7 @@ def test_only_the_accumulator_tells_concentric_circles():
     _match(found, [(60, 60, 36), (60, 60, 18)], 1.0, 1.0)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 def test_regions_give_what_the_whole_picture_gives(method):
     image = _picture(shape=(150, 160))
     boxes = [[x - r - 2, y - r - 2, 2 * r + 4, 2 * r + 4] for x, y, r in TRUTH]
@@ -80,7 +80,7 @@ def test_sensitivity_is_one_minus_the_least_score():
     assert len(find_circles(image, RANGE, method=method, sensitivity=1 - scores[0] - 1e-3)) == 0
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 def test_nothing_to_see(method):
     assert len(find_circles(np.full((50, 60), 7, np.uint8), (5, 12), method=method)) == 0
     found = find_circles(np.zeros((1, 1), np.uint8), (5, 12), method=method)
@@ -120,7 +120,7 @@ def test_bad_arguments(arguments, name):
 # ------------------------------------------------------------------------------------- searches of any picture
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 @pytest.mark.parametrize("place", [(-5, 60), (0, 60), (30, 60), (124, 60), (60, -8), (60, 125), (-20, 60)])
 def test_discs_cut_by_the_border_are_never_placed_outside(place, method):
     image = _picture([(*place, 40.0)], (121, 120))
@@ -130,7 +130,7 @@ def test_discs_cut_by_the_border_are_never_placed_outside(place, method):
         assert np.hypot(*(found.centers[0] - place)) < 1.5 and abs(found.radii[0] - 40) < 1.5
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 @pytest.mark.parametrize("shape", [(150, 170), (151, 173)])
 @pytest.mark.parametrize("turn", TURNS)
 def test_turned_pictures_give_the_same_circles(turn, shape, method):

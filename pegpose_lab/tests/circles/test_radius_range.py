@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pegpose_lab.circles import METHODS, circle_accumulator, find_circles
+from pegpose_lab.circles import DETECTION_METHODS, circle_accumulator, find_circles
 from pegpose_lab.circles.own_radius import end_tolerance, own_radius
 from pegpose_lab.tests.pictures import draw_quickly, to_uint8
 
@@ -28,7 +28,7 @@ def _assert_found(found, center, radius, radius_range):
 
 
 @pytest.mark.parametrize("polarity", ["bright", "dark"])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 @pytest.mark.parametrize(
     "radius_range",
     [(40, 48), (42, 46), (39, 48), (44, 45), (44.2, 44.6), (44, 44), (80, 96), (88, 88), (20, 24), (22, 22), (10, 12),
@@ -50,7 +50,7 @@ def test_the_default_has_no_gaps(low):
 
 
 @pytest.mark.parametrize("polarity", ["bright", "dark"])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 @pytest.mark.parametrize("sensitivity", [0.85, 0.95])
 def test_circles_outside_the_range_are_not_returned(method, polarity, sensitivity):
     low, high = 40.0, 56.0
@@ -62,7 +62,7 @@ def test_circles_outside_the_range_are_not_returned(method, polarity, sensitivit
 
 
 @pytest.mark.parametrize("polarity", ["bright", "dark"])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 @pytest.mark.parametrize("ratio", [1.0, 0.95])
 def test_circles_at_the_ends_of_the_range_are_kept(method, polarity, ratio):
     # the drawn circles of "accumulator" do not meet in one place where axes differ by more
@@ -75,7 +75,7 @@ def test_circles_at_the_ends_of_the_range_are_kept(method, polarity, ratio):
                 _assert_found(found, center, radius, radius_range)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", DETECTION_METHODS)
 def test_a_circle_within_the_range_is_kept_beside_larger_ones(method):
     """Concentric steps of one polarity, and a large disc beside: the wanted circle stays."""
     ellipses = [(100.0, 100.0, 90.0, 90.0, 0.0), (102.0, 99.0, 48.0, 48.0, 0.0)]

@@ -10,9 +10,10 @@ from pegpose_lab.checks import DetectionError
 from pegpose_lab.corners import find_corners
 from pegpose_lab.corners.find import _check, _fit
 from pegpose_lab.corners.fit import CornerFits
+from pegpose_lab.files import MEASURED_FOLDER
 from pegpose_lab.paper import paper_experiment
 from pegpose_lab.render.board import BoardLook
-from pegpose_lab.study import measured, photographs
+from pegpose_lab.study import photographs
 from pegpose_lab.targets import Checkerboard
 from pegpose_lab.tests.corners.boards import distances, pose_of, seen
 
@@ -196,11 +197,11 @@ def test_committed_corners_calibrate_well():
 
 
 def test_committed_corners_are_current(pegpose_data, tmp_path):
-    measured.write_measured(tmp_path)
-    committed = photographs.FOLDER / photographs.CORNERS_FILE
-    headers = [path.read_text().splitlines()[:2] for path in (tmp_path / photographs.CORNERS_FILE, committed)]
+    photographs.write_left_corners(tmp_path)
+    file = f"{photographs.CORNERS}.csv"
+    headers = [(folder / file).read_text().splitlines()[:2] for folder in (tmp_path, MEASURED_FOLDER)]
     assert headers[0] == headers[1]
-    now, then = photographs.load_corners(tmp_path / photographs.CORNERS_FILE), photographs.load_corners()
+    now, then = photographs.load_corners(tmp_path), photographs.load_corners()
     assert now[2:] == then[2:]
     np.testing.assert_array_equal(now[0], then[0])
     np.testing.assert_allclose(now[1], then[1], atol=1e-3)

@@ -106,3 +106,12 @@ def test_tables_are_read_back(output):
     pd.testing.assert_frame_equal(results.load_table("06_pegs"), table)
     with pytest.raises(FileNotFoundError, match="07_missing.csv is missing"):
         results.load_table("07_missing")
+
+
+def test_a_written_csv_file_reads_back_below_its_comment(tmp_path):
+    table = pd.DataFrame({"name": ["01", "no. #2"], "value": [0.1, 2.0]})
+    results.write_csv(tmp_path / "a.csv", table, comment="two\n  lines", float_format="%.3f")
+    assert (tmp_path / "a.csv").read_bytes() == b"# two lines\nname,value\n01,0.100\nno. #2,2.000\n"
+    assert results.read_csv(tmp_path / "a.csv", as_text=True)["name"].tolist() == ["01", "no. #2"]
+    assert results.read_csv(tmp_path / "a.csv")["value"].tolist() == [0.1, 2.0]
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]

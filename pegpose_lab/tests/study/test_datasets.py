@@ -199,7 +199,7 @@ def test_photographs_without_the_corner_list(tmp_path):
 
 
 def test_points_of_an_unknown_data_set():
-    with pytest.raises(ValueError, match="name is 'visp_circles'; expected one of opencv_left"):
+    with pytest.raises(ValueError, match="name is 'visp_circles'; expected one of 'opencv_left'"):
         datasets.load_points("visp_circles")
 
 

@@ -6,7 +6,7 @@ import pytest
 from scipy import stats
 
 from pegpose_lab.paper import numbers
-from pegpose_lab.study import GIVEN, count_below, distances, rayleigh_counts
+from pegpose_lab.study import GIVEN, count_below, distances, load_measured, rayleigh_counts
 from pegpose_lab.study.distances import two_stage_counts
 
 RATIO = 0.03 / 0.0310
@@ -55,7 +55,7 @@ def test_the_same_seed_gives_the_same_counts_in_any_number_of_batches(monkeypatc
 
 
 def test_the_residuals_of_two_stages_scatter_more_than_independent_ones():
-    table = distances.load_two_stage_counts()
+    table = load_measured("two_stage_counts")
     assert len(table) == 5 * distances.TRIALS and sorted(table["n"].unique()) == [48, 96, 144, 192, 240]
     assert table["mean_distance"].mean() == pytest.approx(numbers.printed("E-rms"), rel=0.1)
     assert (table["rms"] >= table["mean"]).all()  # the rms is never below the mean
@@ -68,7 +68,7 @@ def test_the_residuals_of_two_stages_scatter_more_than_independent_ones():
 
 def test_the_file_is_current():
     again = two_stage_counts([0, distances.TRIALS - 1], distances.printed_ratio())
-    stored = distances.load_two_stage_counts().set_index("trial").loc[[0, distances.TRIALS - 1]].reset_index()
+    stored = load_measured("two_stage_counts").set_index("trial").loc[[0, distances.TRIALS - 1]].reset_index()
     pd.testing.assert_frame_equal(again, stored, rtol=1e-4)
 
 

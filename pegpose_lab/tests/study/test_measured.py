@@ -9,13 +9,13 @@ from pegpose_lab import calibrate_zhang, checks, segment
 from pegpose_lab.bench.score import TOLERANCE
 from pegpose_lab.circles import Circles
 from pegpose_lab.pose import project_discs
-from pegpose_lab.study import circle_counts, photographs, segmented_parts
+from pegpose_lab.study import circle_counts, load_measured, photographs, segmented_parts
 from pegpose_lab.study.datasets import dataset
 
 
 def test_counts_of_real_pictures():
     """One set of defaults: every disc is found where the data sets' counts are certain."""
-    table = circle_counts.load_counts()
+    table = load_measured("circle_counts")
     total = table.groupby("dataset")[["known", "found", "false"]].sum()
     pictures = table.groupby("dataset").size()
     assert pictures.to_dict() == {
@@ -50,22 +50,22 @@ def test_marks_of_the_screws_are_one_block():
 
 def test_presence_bits_of_the_screws():
     """No screw is found where there is none; most of those that are there are found, and the tables agree."""
-    bits = circle_counts.load_bits()
+    bits = load_measured("screw_bits")
     known = circle_counts.load_known().query("dataset == 'screws4-a'")
     assert list(bits["present"]) == list(known["present"]) and list(bits["picture"]) == list(known["picture"])
     assert len(bits) == 48 and bits["present"].sum() == 27 and set(bits["position"]) == {1, 2, 3, 4}
     assert not bits.query("present == 0")["found"].any() and bits.query("present == 1")["found"].sum() >= 20
     assert (bits["fits"] <= bits["found"]).all()
-    counts = circle_counts.load_counts().query("dataset == 'screws4-a'").set_index("picture")
+    counts = load_measured("circle_counts").query("dataset == 'screws4-a'").set_index("picture")
     seen = bits.query("present == 1").groupby("picture")["fits"].sum()
     assert counts["found"].reindex(seen.index).equals(seen)
-    missed = circle_counts.load_missed().query("dataset == 'screws4-a'")
+    missed = load_measured("missed_circles").query("dataset == 'screws4-a'")
     assert (missed["why"] == "off").sum() == (bits["found"] > bits["fits"]).sum()
 
 
 def test_every_missed_disc_says_why():
     """The words for it; a screw without a candidate steps on less than half of its rim."""
-    missed, counts = circle_counts.load_missed(), circle_counts.load_counts()
+    missed, counts = load_measured("missed_circles"), load_measured("circle_counts")
     assert len(missed) == (counts["known"] - counts["found"]).sum()
     assert set(missed["why"]) <= {"off", "shared", "score", "no candidate"}
     assert missed.query("why == 'no candidate' and dataset == 'screws4-a'")["rim"].max() < 0.5
@@ -115,7 +115,7 @@ def test_own_parts_have_the_place_and_the_area_of_a_disc():
 
 def test_parts_of_their_own():
     """Splitting never loses to Otsu's threshold alone, wins in uneven light, and fails when that is too uneven."""
-    parts = segmented_parts.load_parts()
+    parts = load_measured("segmented_parts")
     assert (parts["segment"] >= parts["otsu"]).all() and (parts["segment"] > parts["otsu"]).sum() == 2
     assert parts["known"].tolist() == [24, 4, 4, 4, 4] and parts["light"].tolist()[1:] == list(segmented_parts.LIGHTS)
     assert parts["segment"].tolist() == [24, 4, 4, 4, 2]
@@ -148,10 +148,10 @@ def test_known_discs_are_what_thresholds_of_cut_outs_show(pegpose_data):
 
 def test_tables_are_current(pegpose_data):
     counts, missed = circle_counts.count_circles()
-    pd.testing.assert_frame_equal(counts, circle_counts.load_counts())
-    pd.testing.assert_frame_equal(missed.round(3), circle_counts.load_missed())
-    pd.testing.assert_frame_equal(circle_counts.measure_bits(), circle_counts.load_bits())
-    pd.testing.assert_frame_equal(segmented_parts.count_parts(), segmented_parts.load_parts())
+    pd.testing.assert_frame_equal(counts, load_measured("circle_counts"))
+    pd.testing.assert_frame_equal(missed.round(3), load_measured("missed_circles"))
+    pd.testing.assert_frame_equal(circle_counts.measure_bits(), load_measured("screw_bits"))
+    pd.testing.assert_frame_equal(segmented_parts.count_parts(), load_measured("segmented_parts"))
 
 
 def test_grid_is_current(pegpose_data):
@@ -192,4 +192,4 @@ def test_grid_of_another_picture_is_refused(tmp_path, monkeypatch, pegpose_data)
 
 
 def test_sensitivity_is_current(pegpose_data):
-    pd.testing.assert_frame_equal(photographs.measure_sensitivity(), photographs.load_sensitivity(), rtol=1e-3, atol=1e-2)
+    pd.testing.assert_frame_equal(photographs.measure_sensitivity(), load_measured("opencv_left_detectors"), rtol=1e-3, atol=1e-2)

@@ -9,14 +9,14 @@ from scipy import stats
 from pegpose_lab.calibration.joint import misfit
 from pegpose_lab.paper import experiment, paper_camera
 from pegpose_lab.study import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, trials
-from pegpose_lab.study.trials import METHODS
+from pegpose_lab.study.trials import CALIBRATION_METHODS
 from pegpose_lab.targets import Checkerboard
 
 SMALL = {"noises": (0.05, 0.2), "tilts": (20.0, 30.0), "views": (3,), "trials": 2, "progress": False}
 
 
 def test_a_row_for_each_trial_in_order():
-    table = monte_carlo(**SMALL, methods=METHODS)
+    table = monte_carlo(**SMALL, methods=CALIBRATION_METHODS)
     assert len(table) == 2 * 2 * 4 * 2 and (table["status"] == "").all()
     keys = table[["seed", "corners", "noise", "tilt", "views", "method", "trial"]]
     pd.testing.assert_frame_equal(keys, keys.sort_values(list(keys)).reset_index(drop=True))

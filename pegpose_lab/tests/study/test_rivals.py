@@ -6,7 +6,7 @@ import pytest
 
 from pegpose_lab import calibrate_joint, calibrate_tsai, optimum_in_box
 from pegpose_lab.paper import paper_experiment
-from pegpose_lab.study import baselines, ga_success, leave_one_out
+from pegpose_lab.study import baselines, ga_success, leave_one_out, load_measured, made_by
 
 TRUTH = paper_experiment()
 BOARD = TRUTH.board.object_points
@@ -71,7 +71,7 @@ def test_without_a_truth_there_are_no_errors():
 
 def test_default_arrives_from_every_seed_on_every_view():
     """Within 1e-4 px of the optimum: the paper's view, five rendered ones and thirteen photographs."""
-    success = ga_success.load_success()
+    success = load_measured("ga_success")
     default = success[success["variant"] == next(iter(ga_success.VARIANTS))]
     assert len(default) == 19 and (default["seeds"] == 100).all() and (default["reached"] == 100).all()
     assert default["worst_excess"].max() <= ga_success.REACHED
@@ -98,7 +98,7 @@ def test_success_table_is_current():
     views = [view for view in ga_success.trial_sets() if view[0] in ("paper's view", "rendered view 5", "left02")]
     variants = list(ga_success.VARIANTS)[:2]
     again = ga_success.success_rates(views, variants=variants, seeds=5, workers=1, progress=False)
-    stored = ga_success.load_success().set_index(["view", "variant"])
+    stored = load_measured("ga_success").set_index(["view", "variant"])
     for row in again.itertuples():
         known = stored.loc[(row.view, row.variant)]
         assert row.optimum == pytest.approx(known["optimum"], abs=2e-6)
@@ -113,5 +113,5 @@ def test_written_table_is_read_back(tmp_path, monkeypatch):
     })
     monkeypatch.setattr(ga_success, "success_rates", lambda: rows)
     ga_success.write_success(tmp_path)
-    pd.testing.assert_frame_equal(ga_success.load_success(tmp_path / ga_success.SUCCESS_FILE), rows)
-    assert ga_success.COMMAND in (tmp_path / ga_success.SUCCESS_FILE).read_text().splitlines()[0]
+    pd.testing.assert_frame_equal(load_measured("ga_success", tmp_path), rows)
+    assert made_by("ga_success") in (tmp_path / "ga_success.csv").read_text().splitlines()[0]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pegpose_lab.checks import DetectionError
+from pegpose_lab.files import MEASURED_FOLDER
 from pegpose_lab.paper import paper_experiment
 from pegpose_lab.study import sector_corners
 
@@ -26,8 +27,8 @@ def test_they_are_in_the_order_of_the_board():
 def test_what_is_written_reads_back(tmp_path, monkeypatch):
     views = sector_corners.load_sector_corners()
     monkeypatch.setattr(sector_corners, "find_sector_corners", lambda index: views[index])
-    sector_corners.write_sector_corners(tmp_path / "again.csv")
-    assert (tmp_path / "again.csv").read_bytes() == sector_corners.FILE.read_bytes()
+    sector_corners.write_sector_corners(tmp_path)
+    assert (tmp_path / "sector_corners.csv").read_bytes() == (MEASURED_FOLDER / "sector_corners.csv").read_bytes()
 
 
 def test_a_board_that_is_not_found_is_an_error(monkeypatch):

@@ -1,0 +1,112 @@
+"""What ``python3 -m pegpose_lab measure`` makes: the tables of data/measured, each with the function that writes it.
+
+The table stands here, and not in `study`, so that ``measure --help`` shows it on a bare Python: this file imports the
+standard library only, and a function's room when that function is called.
+"""
+
+import sys
+from typing import NamedTuple
+
+
+class Measurement(NamedTuple):
+    """A line of `MEASUREMENTS`."""
+
+    function: str  # room and name of the function, which takes the folder that it writes into
+    files: tuple  # the CSV files that it writes
+    takes: str  # about how long, on two cores
+    photographs: tuple = ()  # data sets of third-party photographs that it needs
+
+
+MEASUREMENTS = {
+    "circle_counts": Measurement(
+        "study.write_circle_counts", ("circle_counts", "missed_circles"), "5 s",
+        ("visp-mire2-a", "visp-grid36-a", "skimage-coins", "conrods-a", "screws4-a", "opencv-samples"),
+    ),
+    "screw_bits": Measurement("study.write_screw_bits", ("screw_bits",), "1 s", ("screws4-a",)),
+    "segmented_parts": Measurement("study.write_parts", ("segmented_parts",), "1 s", ("skimage-coins",)),
+    "visp_circles_centers": Measurement("study.write_grid", ("visp_circles_centers",), "2 s", ("visp_circles",)),
+    "opencv_left_corners": Measurement(
+        "study.write_left_corners", ("opencv_left_corners",), "4 s", ("opencv_left",)
+    ),
+    "opencv_left_detectors": Measurement(
+        "study.write_sensitivity", ("opencv_left_detectors",), "5 s", ("opencv_left",)
+    ),
+    "sector_corners": Measurement("study.write_sector_corners", ("sector_corners",), "15 s"),
+    "ga_success": Measurement("study.write_success", ("ga_success",), "3 min"),
+    "rendered_trials": Measurement("study.write_rendered_trials", ("rendered_trials",), "10 min"),
+    "peer_settings": Measurement("bench.write_peer_settings", ("peer_settings",), "10 min"),
+    "two_stage_counts": Measurement("study.write_two_stage_counts", ("two_stage_counts",), "10 min"),
+}  # fmt: skip
+"""Name: measurement, those of third-party photographs first, then from fast to slow."""
+
+
+def known(name):
+    """Return the name of a measurement; end the program in one sentence if there is none of that name."""
+    if name not in MEASUREMENTS:
+        raise SystemExit(f"Nothing to measure is called {name}; there are: {', '.join(MEASUREMENTS)}.")
+    return name
+
+
+def listed():
+    """Return the list of measurements for ``measure --help``."""
+    rows = [
+        (name, f"about {line.takes}", ", ".join(f"{file}.csv" for file in line.files) + " *" * bool(line.photographs))
+        for name, line in MEASUREMENTS.items()
+    ]
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    lines = ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows]
+    notes = "* in third-party photographs; rendered_trials makes the trials that its file does not have"
+    return "\n".join(["NAME, time on two cores, what is written into data/measured:", *lines, notes])
+
+
+def measure(names, folder):
+    """Make measurements anew in a folder; return the exit code.
+
+    Parameters
+    ----------
+    names : list of str
+        Of `MEASUREMENTS`; none of them means all that can be made here.
+    folder : Path
+
+    Raises
+    ------
+    SystemExit
+        If a measurement was asked for by name and its photographs are not there; nothing has been written then.
+    """
+    reasons = {name: _missing(name) for name in names or MEASUREMENTS}
+    missing = [reason for reason in reasons.values() if reason]
+    if names and missing:
+        raise SystemExit("\n".join(missing))
+    for name in reasons:
+        if not reasons[name]:
+            print(f"{name}: about {MEASUREMENTS[name].takes}", flush=True)
+            _function(name)(folder)
+    for reason in missing:
+        print(f"Left out: {reason}", file=sys.stderr)
+    return 0
+
+
+def _missing(name):
+    """Why a measurement cannot be made here, in one sentence; nothing if it can."""
+    from .. import study
+
+    absent = []
+    for dataset in MEASUREMENTS[name].photographs:
+        try:
+            study.dataset(dataset)
+        except (ValueError, FileNotFoundError):
+            absent.append(dataset)
+    if not absent:
+        return ""
+    return (
+        f"{name} is measured in the photographs of {', '.join(absent)}, which are not found: set PEGPOSE_DATA to the "
+        "folder that holds them (data/README.md says where they come from)."
+    )
+
+
+def _function(name):
+    """The function that makes a measurement."""
+    from .. import bench, study
+
+    room, function = MEASUREMENTS[name].function.split(".")
+    return getattr({"bench": bench, "study": study}[room], function)
