@@ -8,22 +8,13 @@ time.  They serve to find circles, `pegpose_lab.discs` to measure them:
     discs = fit_discs(image, find_circles(image, (r_min, r_max)))
 """
 
-from dataclasses import replace
+import importlib
 
-import cv2
 import numpy as np
 
 from ..checks import as_count
-from .edges import _Gradient
-from .multiscale import _find_multiscale
-from .own_radius import _of_own_radius
-from .peaks import SMOOTHING, _radius_by_histogram, _radius_by_phase, _regional_peaks
-from .request import _as_grey, _as_request, _windows
+from .request import METHODS, _as_grey, _as_request, _windows
 from .select import _as_circles
-from .volume import _find_in_volume
-from .votes import _vote
-
-LEAST_WIDTH = 16.0  # px, of the range in which votes are cast, whatever range was asked for
 
 
 def find_circles(
@@ -96,36 +87,9 @@ def find_circles(
     request = _as_request(radius_range, method, polarity, sensitivity, edge_threshold)
     if max_circles is not None:
         max_circles = as_count(max_circles, "max_circles", 1)
+    find = importlib.import_module(f"{__package__}.{METHODS[request.method]}").find
     rows = [np.empty((0, 4))]
     for x0, y0, x1, y1 in _windows(image.shape, regions, request):
-        found = _find(image[y0:y1, x0:x1], request)
+        found = find(image[y0:y1, x0:x1], request)
         rows.append(found + [x0, y0, 0, 0])
     return _as_circles(np.concatenate(rows), image.shape, request, max_circles)
-
-
-# ---------------------------------------------------------------------------------------------------- peaks
-
-
-def _find(window, request):
-    """Rows x, y, r, score of the circles in one window."""
-    if request.method == "multiscale":
-        return _find_multiscale(window, request)
-    gradient = _Gradient(window)
-    if not gradient.magnitude.any():
-        return np.empty((0, 4))
-    if request.method == "accumulator":
-        return _find_in_volume(gradient, request)
-    wide = _widened(request)
-    votes = _vote(gradient, wide)
-    smooth = cv2.GaussianBlur(np.abs(votes), (0, 0), SMOOTHING, borderType=cv2.BORDER_CONSTANT)
-    peaks = _regional_peaks(smooth, max(1 - request.sensitivity, 1e-6))
-    radius = _radius_by_phase if request.method == "phase-code" else _radius_by_histogram
-    # rounded, so that no processor's last digit decides the order of equally good circles
-    rows = [(x, y, radius(votes, gradient, x, y, wide), round(score, 6)) for x, y, score in peaks]
-    return _of_own_radius(gradient, np.array(rows).reshape(-1, 4), request, wide)
-
-
-def _widened(request):
-    """The request with a range of at least LEAST_WIDTH px, so that all of a blurred edge can vote."""
-    more = max(0.5 * (LEAST_WIDTH - (request.r_max - request.r_min)), 0)
-    return replace(request, r_min=max(request.r_min - more, 0.5 * request.r_min), r_max=request.r_max + more)

@@ -15,7 +15,7 @@ NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in 
 # ----------------------------------------------------------------------------------------------- multiscale
 
 
-def _find_multiscale(image, request):
+def find(image, request):
     """Rows x, y, r, score: each octave of radii is searched on a picture of its own (see `find_circles`)."""
     reduction, rows = 1, [np.empty((0, 4))]
     largest = min(request.r_max, min(image.shape))  # larger circles show less than half of their edge

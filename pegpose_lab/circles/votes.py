@@ -5,9 +5,11 @@ import math
 import cv2
 import numpy as np
 
+from ..checks import as_choice
 from .edges import _Gradient, _thin_edges
 from .request import _as_grey, _as_request
 
+ACCUMULATORS = ("two-stage", "phase-code", "accumulator")
 RADIUS_STEP = 0.5  # px between the radii of the votes along the gradient
 CHUNK = 500_000  # votes held in memory at a time
 
@@ -41,6 +43,7 @@ def circle_accumulator(image, radius_range, *, method="two-stage", polarity="bri
     image = _as_grey(image)
     if method == "multiscale":
         raise ValueError("method is 'multiscale', which has no one accumulator; expected one of the others")
+    method = as_choice(method, "method", ACCUMULATORS)
     request = _as_request(radius_range, method, polarity, 0.85, edge_threshold)
     if method == "accumulator":
         radii = np.arange(int(np.ceil(request.r_min)), int(np.floor(request.r_max)) + 1)

@@ -46,7 +46,7 @@ def circle_explorer(image, *, radius_range=(20, 60), polarity="bright"):
                                 max(min(image.shape) // 4, radius_range[1]), live=False),
         "sensitivity": _slider(ipywidgets.FloatSlider, "sensitivity (0 to 1)", 0.85, 0.0, 1.0, step=0.01,
                                live=False),
-        "method": ipywidgets.Dropdown(options=METHODS, description="method", **_look()),
+        "method": ipywidgets.Dropdown(options=tuple(METHODS), description="method", **_look()),
     })
 
 
