@@ -11,20 +11,20 @@ from scipy.spatial.transform import RigidTransform
 
 from ..calibration import (
     BOX,
+    METHODS,
     Calibration,
     TwoStageObjective,
     calibrate_dlt,
     calibrate_genetic,
     calibrate_joint,
     calibrate_tsai,
-    calibrate_zhang,
 )
 from ..camera import TsaiCamera
 from ..checks import CalibrationError
 from .ga_success import PRINTED
 from .held_out import held_out_distances, leave_one_out
 
-GENETIC, DIFFERENTIAL_EVOLUTION = "GA, genes (m, T_z)", "differential evolution"
+GENETIC, DIFFERENTIAL_EVOLUTION = METHODS["genetic"].label, "differential evolution"
 PARTICLES, PARTICLE_STEPS = 30, 100
 INERTIA, PULL = 0.7298, 1.49618  # Clerc and Kennedy's constriction
 
@@ -180,16 +180,22 @@ def _direct_linear_transform(setting):
     return calibrate_dlt(*setting.view), np.nan
 
 
-def _zhang(views, camera):
-    return calibrate_zhang(*map(list, zip(*views, strict=True)), camera.image_size, radial=1), np.nan
+def _of_table(name):
+    """A method of `calibration.METHODS`, and whether it is for all views."""
+    calibrate = METHODS[name]
 
+    def of_one(setting):
+        object_points, image_points, camera = setting.view
+        return calibrate([object_points], [image_points], camera, setting.rng), np.nan
 
-def _joint(views, camera):
-    return calibrate_joint(*map(list, zip(*views, strict=True)), camera), np.nan
+    def of_all(views, camera):
+        return calibrate(*map(list, zip(*views, strict=True)), camera), np.nan
+
+    return (of_all if calibrate.all_views else of_one), calibrate.all_views
 
 
 _METHODS = {  # name: (method, whether it is for all views)
-    "linear only": (lambda setting: (setting.linear, np.nan), False),
+    METHODS["tsai"].label: (lambda setting: (setting.linear, np.nan), False),
     "GA as printed": (lambda setting: _genetic(setting, initialisation="equal", **PRINTED), False),
     "GA corrected": (lambda setting: _genetic(setting, genes="printed"), False),
     GENETIC: (_genetic, False),
@@ -199,9 +205,9 @@ _METHODS = {  # name: (method, whether it is for all views)
     "least squares of f, T_z, k1": (_three_parameters, False),
     "least squares of one view": (_all_of_one_view, False),
     "direct linear transform": (_direct_linear_transform, False),
-    "Zhang (OpenCV), k1": (_zhang, True),
-    "joint": (_joint, True),
 }
+for _name, _method in METHODS.items():  # the rest of the package's own table
+    _METHODS.setdefault(_method.label, _of_table(_name))
 
 
 def _measures(found, views, truth, pitch):

@@ -14,8 +14,7 @@ from joblib import Parallel, delayed
 from scipy.spatial.transform import RigidTransform, Rotation
 from tqdm import tqdm
 
-from .. import paper
-from ..calibration import calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
+from .. import calibration, paper
 from ..camera import TsaiCamera
 from ..checks import CalibrationError, DetectionError, as_count, as_number
 from ..corners import find_corners
@@ -24,8 +23,8 @@ from ..paper import Experiment, paper_camera
 from ..render import render_board
 from ..targets import Checkerboard
 
-METHODS = ("tsai", "genetic", "zhang", "joint")
-"""Methods of `monte_carlo`; the first two get the first of the views alone, and the true principal point."""
+METHODS = tuple(calibration.METHODS)
+"""Methods of `monte_carlo`; those for one view get the first of the views alone, and the true principal point."""
 
 CORNERS = ("simulated", "rendered")
 """Where `monte_carlo` takes its corners from."""
@@ -174,13 +173,9 @@ def trial_poses(board, tilt, views, rng):
 def _calibrate(method, object_points, image_points, camera, rng):
     """The calibration by a method, and the number of parameters that it fitted."""
     unknown = replace(camera, focal_length=1.0, kappa1=0.0)
-    if method == "tsai":
-        return calibrate_tsai(object_points[0], image_points[0], unknown), 7
-    if method == "genetic":
-        return calibrate_genetic(object_points[0], image_points[0], unknown, rng=rng), 8
-    if method == "zhang":
-        return calibrate_zhang(object_points, image_points, camera.image_size, radial=1), 5 + 6 * len(object_points)
-    return calibrate_joint(object_points, image_points, unknown), 4 + 6 * len(object_points)
+    calibrate = calibration.METHODS[method]
+    found = calibrate(object_points, image_points, unknown, rng)
+    return found, calibrate.unknowns + 6 * (len(object_points) if calibrate.all_views else 1)
 
 
 def _estimate(found, name, camera):
