@@ -1,11 +1,17 @@
 """From a picture to its bright parts: Otsu's threshold, 8-connected components, area filter (Sect. 3.1)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from .checks import DetectionError, as_image, as_number
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 AREA_SHARE = 1e-4  # default min_area as a part of the picture
 BIMODAL = 4.5  # Ashman's D above which a part's grey values are two classes
@@ -42,11 +48,11 @@ class Segmentation:
     boxes: np.ndarray
     centroids: np.ndarray
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.areas)
 
 
-def segment(image, *, min_area=None, threshold=None):
+def segment(image: ArrayLike, *, min_area: float | None = None, threshold: float | None = None) -> Segmentation:
     """Find the bright parts of a picture.
 
     Pixels above Otsu's global threshold are white; 8-connected white parts smaller than `min_area` are

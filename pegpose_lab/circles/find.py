@@ -8,7 +8,10 @@ time.  They serve to find circles, `pegpose_lab.discs` to measure them:
     discs = fit_discs(image, find_circles(image, (r_min, r_max)))
 """
 
+from __future__ import annotations
+
 import importlib
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,18 +19,23 @@ from ..checks import as_count
 from .request import METHODS, _as_grey, _as_request, _windows
 from .select import _as_circles
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from .select import Circles
+
 
 def find_circles(
-    image,
-    radius_range,
+    image: ArrayLike,
+    radius_range: tuple[float, float],
     *,
-    method="multiscale",
-    polarity="bright",
-    sensitivity=0.85,
-    edge_threshold=None,
-    max_circles=None,
-    regions=None,
-):
+    method: str = "multiscale",
+    polarity: str = "bright",
+    sensitivity: float = 0.85,
+    edge_threshold: float | None = None,
+    max_circles: int | None = None,
+    regions: ArrayLike | None = None,
+) -> Circles:
     """Find circles by a Hough transform.
 
     Parameters

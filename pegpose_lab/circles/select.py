@@ -1,5 +1,7 @@
 """The circles that are returned: sorted, without duplicates, inside the image and the radius range."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
@@ -18,7 +20,7 @@ class Circles:
     scores: np.ndarray
     polarity: str = ""
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.radii)
 
 

@@ -1,6 +1,9 @@
 """The accumulators of the classic, two-stage and phase-coding Hough transforms."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -9,12 +12,24 @@ from ..checks import as_choice
 from .edges import _Gradient, _thin_edges
 from .request import _as_grey, _as_request
 
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
+
 ACCUMULATORS = ("two-stage", "phase-code", "accumulator")
 RADIUS_STEP = 0.5  # px between the radii of the votes along the gradient
 CHUNK = 500_000  # votes held in memory at a time
 
 
-def circle_accumulator(image, radius_range, *, method="two-stage", polarity="bright", edge_threshold=None):
+def circle_accumulator(
+    image: ArrayLike,
+    radius_range: tuple[float, float],
+    *,
+    method: str = "two-stage",
+    polarity: str = "bright",
+    edge_threshold: float | None = None,
+) -> NDArray[Any]:
     """The votes of a Hough transform, before smoothing.
 
     Parameters

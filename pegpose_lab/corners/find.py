@@ -4,12 +4,21 @@ OpenCV finds the grid (`grid`); what it is worth is then decided by one fit for 
 and by what lies around the grid (`whole_board`).
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..checks import DetectionError, as_image
 from .fit import fit_corners
 from .grid import candidate_grids, seen_grid
 from .whole_board import check_ends, check_fields
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from ..targets import Checkerboard
 
 WINDOW = 15.0  # px, largest radius of a window: noise falls with it, the pull of edges bent by the lens grows
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
@@ -21,7 +30,7 @@ LARGEST_MISFIT = 0.4  # of the contrast, or 3 times the board's median (noise): 
 SMALLEST_CONTRAST = 0.15  # of the board's median
 
 
-def find_corners(image, board):
+def find_corners(image: ArrayLike, board: Checkerboard) -> NDArray[np.float64]:
     """Find the inner corners of a checkerboard.
 
     Parameters

@@ -1,6 +1,9 @@
 """From circles to discs: the fits of a picture, and what is returned of them."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,6 +16,11 @@ from .model import QUANTISATION
 from .refit import NEAR, NEAR_CHI2, _refit
 from .sectors import _sectors
 from .start import _start
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from ..circles import Circles
 
 SAME = 1.0  # px, distance of centres and radii below which two fits are of one disc
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together: their arrays stay in the cache
@@ -56,15 +64,17 @@ class Discs:
     reasons: np.ndarray
 
     @property
-    def radii(self):
+    def radii(self) -> NDArray[np.float64]:
         """Radius of the circle of equal area, sqrt(a b), px."""
         return np.sqrt(self.semi_axes.prod(axis=1))
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.centers)
 
 
-def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
+def fit_discs(
+    image: ArrayLike, circles: Circles | Discs, *, max_chi2: float = 1.5, max_misfit: float = 0.05
+) -> Discs:
     """Fit a blurred ellipse to the picture around each circle.
 
     Parameters

@@ -1,5 +1,9 @@
 """The pegs of a hub in one picture, and what to say when something is missing."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..checks import DetectionError, as_image
@@ -9,8 +13,21 @@ from .labels import _choose, _labellings, _nearest, _screw_places
 from .measure import _measure
 from .rings import _find_rings, _neighbours
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
-def locate_pegs(image, hub, *, previous=None, min_area=None, threshold=None):
+    from ..targets import Hub
+    from .measure import PegObservation
+
+
+def locate_pegs(
+    image: ArrayLike,
+    hub: Hub,
+    *,
+    previous: PegObservation | None = None,
+    min_area: float | None = None,
+    threshold: float | None = None,
+) -> PegObservation:
     """Find a hub's pegs, bore and screws (bright discs) and label them.
 
     Labels run clockwise on the screen (about the hub's z axis, away from the camera) from the gap with the

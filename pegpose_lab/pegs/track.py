@@ -1,10 +1,29 @@
 """The pegs of a hub in frame after frame."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from ..checks import DetectionError
 from .locate import locate_pegs
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
 
-def track_pegs(frames, hub, *, previous=None, min_area=None, threshold=None):
+    from numpy.typing import ArrayLike
+
+    from ..targets import Hub
+    from .measure import PegObservation
+
+
+def track_pegs(
+    frames: Iterable[ArrayLike],
+    hub: Hub,
+    *,
+    previous: PegObservation | None = None,
+    min_area: float | None = None,
+    threshold: float | None = None,
+) -> Iterator[PegObservation]:
     """Locate the pegs in frame after frame, the labels carried over.
 
     Parameters

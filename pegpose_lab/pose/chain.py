@@ -1,13 +1,20 @@
 """The paper's formulas (Table 2, Eq. 11) and the chain from the camera to the robot (Sect. 2, Eqs. 1 and 2)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..checks import as_number, as_points, as_pose
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.spatial.transform import RigidTransform
 
-def scale_coordinates(image_points, mm_per_pixel):
+
+def scale_coordinates(image_points: ArrayLike, mm_per_pixel: float) -> NDArray[np.float64]:
     """Table 2's metric coordinates: pixels times one scale, from the picture's corner.
 
     No tilt, principal point or distortion enters; compare `back_project_discs`.
@@ -27,7 +34,7 @@ def scale_coordinates(image_points, mm_per_pixel):
     return as_points(image_points, 2, "image_points") * as_number(mm_per_pixel, "mm_per_pixel", 0, exclusive=True)
 
 
-def line_angle(point, center):
+def line_angle(point: ArrayLike, center: ArrayLike) -> float:
     r"""Eq. 11 by the two-argument arctangent: direction of the line from the hub centre to peg 1.
 
     .. math:: \theta = \operatorname{atan2}(y - y_c, x - x_c)
@@ -51,7 +58,7 @@ def line_angle(point, center):
     return float(np.arctan2(dy, dx))
 
 
-def line_angle_printed(point, center, m2=0.0):
+def line_angle_printed(point: ArrayLike, center: ArrayLike, m2: float = 0.0) -> float:
     r"""Eq. 11 as printed, from the slopes m_1 of the line from the hub centre to peg 1 and m_2 of the horizontal.
 
     .. math:: \tan \theta = \frac{m_1 - m_2}{1 + m_1 m_2}
@@ -89,7 +96,9 @@ def _line(point, center):
     return difference
 
 
-def robot_from_end_effector(robot_from_cam, cam_from_hub, hub_from_end_effector):
+def robot_from_end_effector(
+    robot_from_cam: RigidTransform, cam_from_hub: RigidTransform, hub_from_end_effector: RigidTransform
+) -> RigidTransform:
     r"""Eq. 1: pose of the end effector in the robot's base.
 
     .. math:: {}^R T_E = {}^R T_C \, {}^C T_P \, {}^P T_E
@@ -98,7 +107,7 @@ def robot_from_end_effector(robot_from_cam, cam_from_hub, hub_from_end_effector)
     return robot_from_hub * as_pose(hub_from_end_effector, "hub_from_end_effector")
 
 
-def hub_from_end_effector(cam_from_hub, cam_from_end_effector):
+def hub_from_end_effector(cam_from_hub: RigidTransform, cam_from_end_effector: RigidTransform) -> RigidTransform:
     r"""Eq. 2: pose of the end effector in the hub's frame.
 
     .. math:: {}^P T_E = [{}^C T_P]^{-1} \, {}^C T_E
@@ -129,7 +138,7 @@ class Misalignment:
     twist: float
 
 
-def misalignment(cam_from_hub, cam_from_part, n_pegs):
+def misalignment(cam_from_hub: RigidTransform, cam_from_part: RigidTransform, n_pegs: int) -> Misalignment:
     """Compare a mating part's frame with the hub's (Eq. 2).
 
     Parameters

@@ -1,8 +1,18 @@
 """Discs in perspective: the image of a disc, and the disc of an image."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..checks import as_points
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.spatial.transform import RigidTransform
+
+    from ..camera import OpenCVCamera, TsaiCamera
 
 _RIM_POINTS = 32  # sums over a smooth closed curve converge exponentially: this many reach rounding errors
 
@@ -14,7 +24,9 @@ SETTLED = 1e-10
 """mm: a fixed-point step of `back_project_discs` after which none is needed."""
 
 
-def project_discs(camera, cam_from_object, centers, radii):
+def project_discs(
+    camera: TsaiCamera | OpenCVCamera, cam_from_object: RigidTransform, centers: ArrayLike, radii: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Image of discs that lie in planes z = const of an object's frame.
 
     Parameters
@@ -58,7 +70,14 @@ def _derivative(curve):
     return np.fft.irfft(1j * order * np.fft.rfft(curve, axis=1), curve.shape[1], axis=1)
 
 
-def back_project_discs(image_centers, image_radii, camera, cam_from_plane, *, iterations=30):
+def back_project_discs(
+    image_centers: ArrayLike,
+    image_radii: ArrayLike,
+    camera: TsaiCamera | OpenCVCamera,
+    cam_from_plane: RigidTransform,
+    *,
+    iterations: int = 30,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Find the discs in the plane z = 0 of a frame whose images have given centres and radii.
 
     Parameters

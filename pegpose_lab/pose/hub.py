@@ -1,6 +1,9 @@
 """Pose of the hub from its pegs (Sect. 3.2): in a known plane, or with all six degrees of freedom."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -8,6 +11,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from ..checks import CalibrationError, as_points, as_pose
 from .discs import _as_radii, back_project_discs, project_discs
+
+if TYPE_CHECKING:
+    from ..camera import OpenCVCamera, TsaiCamera
+    from ..pegs import PegObservation
+    from ..targets import Hub
 
 _POLISH_ROUNDS = 5
 
@@ -44,12 +52,18 @@ class HubPose:
     residuals: np.ndarray
 
     @property
-    def rms(self):
+    def rms(self) -> float:
         """Root of the mean squared length of the residuals, px."""
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
 
-def estimate_pose(observation, camera, hub, *, plane=None):
+def estimate_pose(
+    observation: PegObservation,
+    camera: TsaiCamera | OpenCVCamera,
+    hub: Hub,
+    *,
+    plane: RigidTransform | None = None,
+) -> HubPose:
     """Estimate the hub's pose from its pegs in one picture.
 
     Parameters

@@ -1,11 +1,24 @@
 """Pictures of a checkerboard."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..checks import as_number
 from .raycast import _cast, _outside, _View, expose
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from numpy.typing import NDArray
+    from scipy.spatial.transform import RigidTransform
+
+    from ..camera import OpenCVCamera, TsaiCamera
+    from ..targets import Checkerboard
 
 
 @dataclass(frozen=True)
@@ -18,7 +31,16 @@ class BoardLook:
     margin: float = 0.5  # white rim around the squares, in squares
 
 
-def render_board(camera, cam_from_board, board, *, look=BoardLook(), blur=0.9, noise=2.0, rng=None):
+def render_board(
+    camera: TsaiCamera | OpenCVCamera,
+    cam_from_board: RigidTransform,
+    board: Checkerboard,
+    *,
+    look: BoardLook = BoardLook(),
+    blur: float = 0.9,
+    noise: float | None = 2.0,
+    rng: int | Sequence[int] | np.random.Generator | None = None,
+) -> NDArray[Any]:
     """Render a checkerboard.
 
     Parameters

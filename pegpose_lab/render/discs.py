@@ -1,10 +1,19 @@
 """The exact image of a disc: its outline, centroid and area."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..checks import as_count, as_number
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.spatial.transform import RigidTransform
+
+    from ..camera import OpenCVCamera, TsaiCamera
 
 
 @dataclass(frozen=True)
@@ -16,7 +25,9 @@ class TrueDisc:
     radius: float
 
 
-def true_disc(camera, cam_from_object, center, radius):
+def true_disc(
+    camera: TsaiCamera | OpenCVCamera, cam_from_object: RigidTransform, center: ArrayLike, radius: float
+) -> TrueDisc:
     """Return the exact image of a disc that lies in a plane z = const of an object's frame.
 
     The centroid is that of the imaged area, which is not the image of the disc's centre.
@@ -44,7 +55,13 @@ def true_disc(camera, cam_from_object, center, radius):
     return TrueDisc(origin + centroid, abs(area), float(np.sqrt(abs(area) / np.pi)))
 
 
-def disc_outline(camera, cam_from_object, center, radius, n_points=100):
+def disc_outline(
+    camera: TsaiCamera | OpenCVCamera,
+    cam_from_object: RigidTransform,
+    center: ArrayLike,
+    radius: float,
+    n_points: int = 100,
+) -> NDArray[np.float64]:
     """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame."""
     n_points = as_count(n_points, "n_points", 3)
     angles = np.linspace(0, 2 * np.pi, n_points, endpoint=False)

@@ -1,12 +1,25 @@
 """Pictures of a hub: textured base with bore and screws, pegs, highlights and swarf."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..checks import as_choice, as_count, as_number
 from .discs import _bounding_box
 from .raycast import LATTICES, _cast, _dot, _offset, _View, expose
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from numpy.typing import NDArray
+    from scipy.spatial.transform import RigidTransform
+
+    from ..camera import OpenCVCamera, TsaiCamera
+    from ..targets import Hub
 
 
 @dataclass(frozen=True)
@@ -29,9 +42,19 @@ class HubLook:
 
 
 def render_hub(
-    camera, cam_from_hub, hub, *, look=HubLook(), blur=0.9, noise=2.0, highlights=0.0, clutter=0, occlusion=0.0,
-    rays=34, rng=None,
-):
+    camera: TsaiCamera | OpenCVCamera,
+    cam_from_hub: RigidTransform,
+    hub: Hub,
+    *,
+    look: HubLook = HubLook(),
+    blur: float = 0.9,
+    noise: float | None = 2.0,
+    highlights: float = 0.0,
+    clutter: int = 0,
+    occlusion: float = 0.0,
+    rays: int = 34,
+    rng: int | Sequence[int] | np.random.Generator | None = None,
+) -> NDArray[Any]:
     """Render a hub: textured base with bore and screws, peg tops, and the pegs' side walls in perspective.
 
     Parameters
