@@ -70,8 +70,8 @@ class Hub:
     pitch_circle_diameter, peg_radius, peg_height, bore_radius, screw_radius, screw_circle_diameter, radius : float
         mm; `radius` is the base's outer radius.
     screw_angles : tuple of float
-        rad about z from peg 1, at least one: without a screw pegs cannot be labelled; the first belongs to the gap before peg 1.  By default the middles of
-        the gap between the last peg and peg 1, and of the one opposite to it.
+        rad about z from peg 1, at least one: without a screw pegs cannot be labelled; the first belongs to the gap before
+        peg 1.  By default the middles of the gap between the last peg and peg 1, and of the one opposite to it.
 
     Raises
     ------

@@ -50,10 +50,11 @@ def find_circles(
         "multiscale" searches each octave of radii on a picture reduced so far (by 1, 2, 4 ...) that they are 5
         to 10 px there (those below 10 px on the picture itself).  Edge points, thinned as Canny does, count from a
         gradient of four standard deviations of the noise on, whatever the contrast above 6 grey values (below, steps
-        that rounding makes of slow shading look the same), and vote along the gradient as in "two-stage".  Around each peak of the votes the radii are tried at which edge points lie all around
-        (24 sectors), and an ellipse is fitted to those points.  The score is the part of the sectors with an edge
-        point within 10 % of the radius of that ellipse, at least 1.55 - sensitivity; where a circle runs along
-        better ones, that part does not count.  Accurate to a few per cent of the radius.
+        that rounding makes of slow shading look the same), and vote along the gradient as in "two-stage".
+        Around each peak of the votes the radii are tried at which edge points lie all around (24 sectors),
+        and an ellipse is fitted to those points.  The score is the part of the sectors with an edge point within 10 %
+        of the radius of that ellipse, at least 1.55 - sensitivity; where a circle runs along better ones, that part
+        does not count.  Accurate to a few per cent of the radius.
 
         For the others see `circle_accumulator`.  The two-dimensional accumulators are smoothed (Gaussian,
         sigma 2 px); centres are the weighted centroids of the 8-connected regional maxima left after

@@ -100,7 +100,7 @@ def _seen_size(image):
         return None
     clear = ~_unclear(*_fit(view, grid, passes=1), grid).reshape(grid.shape[:2])
     for _ in range(4):  # OpenCV may count a line along the rim
-        for turn in range(4):
+        for _side in range(4):
             if clear.shape[0] > 3 and clear[0].mean() < 0.6:
                 clear = clear[1:]
             clear = np.rot90(clear)

@@ -113,8 +113,8 @@ def fit_discs(
     (see `_refit`), so that highlights, walls, swarf or hidden parts spoil their own sectors only.  The sigmas
     are scaled by the residual of the fit itself.  They hold for white noise and for levels that change slowly around the
     disc: where the ground changes within some pixels of the edge (a narrow side wall), where values are
-    clipped at 0 or 255, or where the picture was smoothed, compressed or sharpened, errors are larger than stated.  For a circle the angle is undetermined; its sigma is then that
-    of a uniform distribution over half a turn, pi/sqrt(12).
+    clipped at 0 or 255, or where the picture was smoothed, compressed or sharpened, errors are larger than stated.
+    For a circle the angle is undetermined; its sigma is then that of a uniform distribution over half a turn, pi/sqrt(12).
     """
     image = as_image(image)
     limits = as_number(max_chi2, "max_chi2", 0.0), as_number(max_misfit, "max_misfit", 0.0)

@@ -123,7 +123,7 @@ def _shown_box(shape, left, right, top, bottom):
     """Rows and columns, as slices, of the pixels within limits."""
     first = np.clip(np.floor([top, left]), 0, np.array(shape[:2]) - 1).astype(int)
     last = np.clip(np.ceil([bottom, right]), 0, np.array(shape[:2]) - 1).astype(int)
-    return tuple(slice(low, high + 1) for low, high in zip(first, last))
+    return tuple(slice(low, high + 1) for low, high in zip(first, last, strict=False))
 
 
 def _show_part(ax, part, box, **style):
@@ -147,14 +147,14 @@ def plot_mask(ax, mask, *, color, label=None, alpha=0.75):
 
 def plot_circles(ax, centers, radii, *, color=COLORS["genetic"], label=None):
     """Circles with their centres."""
-    for center, radius in zip(np.atleast_2d(centers), np.atleast_1d(radii)):
+    for center, radius in zip(np.atleast_2d(centers), np.atleast_1d(radii), strict=False):
         ax.add_patch(plt.Circle(center, radius, fill=False, color=color, linewidth=1.2))
     ax.plot(*np.atleast_2d(centers).T, "+", color=color, markersize=7, label=label)
 
 
 def plot_ellipses(ax, centers, semi_axes, angles, *, color=COLORS["joint"], label=None):
     """Ellipses with their centres; semi-axes px, angles rad."""
-    for center, (major, minor), angle in zip(centers, semi_axes, angles):
+    for center, (major, minor), angle in zip(centers, semi_axes, angles, strict=False):
         ax.add_patch(Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2))
     ax.plot(*np.atleast_2d(centers).T, "x", color=color, markersize=5, label=label)
 
@@ -241,7 +241,7 @@ def plot_quadrilateral(ax, corners, *, color, label=None, lengths=None):
     """Closed outline of four or more corners (n, 2) px, with a text at the middle of each side (y down)."""
     ax.plot(*np.vstack([corners, corners[:1]]).T, "o-", color=color, markersize=5, label=label)
     middle = np.mean(corners, axis=0)
-    for text, start, end in zip(lengths or (), corners, np.roll(corners, -1, axis=0)):
+    for text, start, end in zip(lengths or (), corners, np.roll(corners, -1, axis=0), strict=False):
         side = (start + end) / 2
         ax.annotate(text, side + 0.22 * (middle - side), ha="center", va="center", color=color)
     ax.set(xlabel="x (px)", ylabel="y (px)", aspect="equal")

@@ -112,7 +112,7 @@ class Experiment:
         return [
             self.cam_from_plane
             * RigidTransform.from_components([shift, 0, 0], Rotation.from_rotvec([0, 0, theta]))
-            for shift, theta in zip(self.shifts, self.thetas)
+            for shift, theta in zip(self.shifts, self.thetas, strict=False)
         ]
 
     def board_image(self, index, *, rng=0):

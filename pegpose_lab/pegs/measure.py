@@ -72,7 +72,7 @@ def _measure(image, circles, ring, labelling, hub):
         bore_center=parts[n, :2],
         bore_radius=float(parts[n, 2]),
         bore_sigma=sigmas[n],
-        flags=tuple(f"{name}: {reason}" for name, reason in zip(names, reasons) if reason),
+        flags=tuple(f"{name}: {reason}" for name, reason in zip(names, reasons, strict=False) if reason),
     )
 
 
@@ -101,7 +101,7 @@ def _fit_parts(image, located):
 
 def _check_fits(reasons, names, n_pegs):
     """Raise if a peg could not be measured, or no screw."""
-    failed = [f"{name} ({reason})" for name, reason in zip(names, reasons) if reason]
+    failed = [f"{name} ({reason})" for name, reason in zip(names, reasons, strict=False) if reason]
     if any(reasons[:n_pegs]) or all(reasons[n_pegs + 1 :]):
         raise DetectionError(
             f"{', '.join(failed)}: found, but the edge cannot be measured; clear the view of all pegs and of "

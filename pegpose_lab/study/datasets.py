@@ -186,7 +186,7 @@ def write_corners(path, names, object_points, image_points, comment):
             "names, object_points and image_points have {}, {} and {} entries; ".format(*lengths)
             + "expected one entry for each view"
         )
-    tables = [_corner_table(*view) for view in zip(names, object_points, image_points)]
+    tables = [_corner_table(*view) for view in zip(names, object_points, image_points, strict=False)]
     with replacing(path) as temporary:
         body = pd.concat(tables).to_csv(index=False, lineterminator="\n")
         temporary.write_text(f"# {' '.join(comment.split())}\n{body}", encoding="utf-8", newline="\n")
@@ -198,4 +198,4 @@ def _corner_table(name, object_points, image_points):
     if np.any(objects[:, 2]):
         raise ValueError("object_points leave the plane z = 0; expected a planar target in its own frame")
     columns = [str(name), np.arange(len(objects)), *objects[:, :2].T, *np.round(images, 5).T]
-    return pd.DataFrame(dict(zip(_CORNER_COLUMNS, columns)))
+    return pd.DataFrame(dict(zip(_CORNER_COLUMNS, columns, strict=False)))

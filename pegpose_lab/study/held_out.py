@@ -197,7 +197,8 @@ def sensitivity(calibrate, object_points, images):
         values = np.array([_parameter(found.camera, column) for column in names])
         first = (values, [found.sigma(column) for column in names]) if first is None else first
         moved = (values - first[0]) / first[1]
-        rows[name] = {"rms": found.rms, **dict(zip(names, values)), **{f"{n} moved": m for n, m in zip(names, moved)}}
+        by_name, moves = (dict(zip(names, numbers, strict=True)) for numbers in (values, moved))
+        rows[name] = {"rms": found.rms, **by_name, **{f"{name} moved": move for name, move in moves.items()}}
     return pd.DataFrame(rows).T.rename_axis("detector").reset_index()
 
 
@@ -206,6 +207,6 @@ def _parameter(camera, name):
     if isinstance(camera, OpenCVCamera):
         matrix = camera.camera_matrix
         known = {"f_x": matrix[0, 0], "f_y": matrix[1, 1], "c_x": matrix[0, 2], "c_y": matrix[1, 2]}
-        return (known | dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.dist_coeffs)))[name]
+        return (known | dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.dist_coeffs, strict=False)))[name]
     known = dict(zip(("c_x", "c_y"), camera.principal_point, strict=True))
     return known[name] if name in known else getattr(camera, name)

@@ -37,7 +37,7 @@ def circle_explorer(image, *, radius_range=(20, 60), polarity="bright"):
     def draw(picture, radius_range, sensitivity, method):
         circles = find_circles(small, scale * np.array(radius_range), method=method, polarity=polarity,
                                sensitivity=sensitivity, regions=regions)
-        for center, radius in zip(circles.centers, circles.radii):
+        for center, radius in zip(circles.centers, circles.radii, strict=False):
             _circle(picture, center, radius, 1.0, COLORS["genetic"])
         return _describe_circles(circles, scale)
 

@@ -196,7 +196,7 @@ def test_another_file_is_refused(tmp_path, text):
 
 def test_a_dask_cluster_takes_the_trials_over():
     distributed = pytest.importorskip("dask.distributed", reason="optional: dask is not installed")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
-        with distributed.Client(cluster), joblib.parallel_config("dask"):
-            table = monte_carlo(**SMALL)
+    local = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    with local as cluster, distributed.Client(cluster), joblib.parallel_config("dask"):
+        table = monte_carlo(**SMALL)
     pd.testing.assert_frame_equal(table, monte_carlo(**SMALL), rtol=1e-9)
