@@ -18,11 +18,33 @@ T = TypeVar("T")
 
 
 class DetectionError(RuntimeError):
-    """A picture does not show what was looked for; the message says what was seen and what to change."""
+    """A picture does not show what was looked for; the message says what was seen and what to change.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pegpose_lab as pl
+    >>> try:
+    ...     pl.find_corners(np.zeros((300, 400), np.uint8), pl.Checkerboard(8, 6, 29.0))
+    ... except pl.DetectionError:
+    ...     print("no board")
+    no board
+    """
 
 
 class CalibrationError(RuntimeError):
-    """The data do not determine the camera; the message says why and what to measure instead."""
+    """The data do not determine the camera; the message says why and what to measure instead.
+
+    Examples
+    --------
+    >>> import pegpose_lab as pl
+    >>> board = pl.Checkerboard(8, 6, 29.0).object_points
+    >>> try:
+    ...     pl.calibrate_zhang([board], [board[:, :2] + 100], (640, 480))
+    ... except pl.CalibrationError as error:
+    ...     print(error)
+    one view of a plane gives two constraints on f_x, f_y, c_x, c_y; add tilted views
+    """
 
 
 @contextmanager

@@ -38,6 +38,14 @@ class Segmentation:
     boxes : (n, 4) int, px
         x, y, width, height.
     centroids : (n, 2) px
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> image = np.pad(np.full((10, 20), 200, np.uint8), 30, constant_values=50)
+    >>> parts = segment(image)
+    >>> len(parts), parts.areas.tolist(), parts.centroids.tolist()
+    (1, [200], [[39.5, 34.5]])
     """
 
     threshold: float
@@ -93,6 +101,17 @@ def segment(image: ArrayLike, *, min_area: float | None = None, threshold: float
         If an argument is unusable.
     DetectionError
         If the picture is constant and no threshold is given, or more than 65535 parts are found.
+
+    References
+    ----------
+    N. Otsu, "A threshold selection method from gray-level histograms", IEEE Trans. Systems, Man, and Cybernetics 9(1), 1979.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> image = np.pad(np.full((10, 20), 200, np.uint8), 30, constant_values=50)
+    >>> segment(image).boxes.tolist()  # x, y, width, height
+    [[30, 30, 20, 10]]
     """
     image = as_image(image)
     least = as_number(max(4.0, AREA_SHARE * image.size) if min_area is None else min_area, "min_area", 0.0)

@@ -32,6 +32,14 @@ class Checkerboard:
     ------
     ValueError
         If a number is not usable.
+
+    Examples
+    --------
+    >>> board = Checkerboard(columns=3, rows=2, square=10.0)
+    >>> board.object_points.tolist()[:4]
+    [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [20.0, 0.0, 0.0], [0.0, 10.0, 0.0]]
+    >>> board.center.tolist()
+    [10.0, 5.0, 0.0]
     """
 
     columns: int = 8
@@ -77,6 +85,12 @@ class Hub:
     ------
     ValueError
         If a number is not usable, or parts overlap.
+
+    Examples
+    --------
+    >>> hub = Hub(n_pegs=4, pitch_circle_diameter=100.0, peg_radius=10.0)
+    >>> (hub.peg_centers.round(3) + 0.0).tolist()
+    [[50.0, 0.0, 0.0], [0.0, 50.0, 0.0], [-50.0, 0.0, 0.0], [0.0, -50.0, 0.0]]
     """
 
     n_pegs: int = 4

@@ -91,6 +91,28 @@ def find_circles(
     ------
     ValueError
         If an argument is unusable.
+
+    References
+    ----------
+    H. K. Yuen, J. Princen, J. Illingworth and J. Kittler, "Comparative study of Hough transform methods for circle
+    finding", Image and Vision Computing 8(1), 1990 (two-stage).
+    E. R. Davies, "A modified Hough scheme for general circle location", Pattern Recognition Letters 7(1), 1988.
+    T. J. Atherton and D. J. Kerbyson, "Size invariant circle detection", Image and Vision Computing 17(11), 1999
+    (phase-code).
+
+    Examples
+    --------
+    >>> import cv2
+    >>> import numpy as np
+    >>> import pegpose_lab as pl
+    >>> image = np.full((100, 120), 60, np.uint8)
+    >>> image = cv2.GaussianBlur(cv2.circle(image, (70, 40), 20, 200, -1), (0, 0), 1.0)
+    >>> image += np.random.default_rng(0).integers(0, 5, image.shape, np.uint8)
+    >>> circles = find_circles(image, (15, 30))
+    >>> circles.centers.round().tolist(), circles.radii.round().tolist()
+    ([[70.0, 40.0]], [20.0])
+    >>> len(find_circles(image, (15, 30), polarity="dark"))
+    0
     """
     image = _as_grey(image)
     request = _as_request(radius_range, method, polarity, sensitivity, edge_threshold)

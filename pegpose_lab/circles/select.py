@@ -13,7 +13,15 @@ from .request import _least_score
 
 @dataclass(frozen=True)
 class Circles:
-    """Circles, the best first: centers (n, 2) px, radii (n,) px, scores (n,); the polarity that was looked for."""
+    """Circles, the best first: centers (n, 2) px, radii (n,) px, scores (n,); the polarity that was looked for.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> circles = Circles(np.array([[70.0, 40.0]]), np.array([20.0]), np.array([1.0]), "bright")
+    >>> len(circles)
+    1
+    """
 
     centers: np.ndarray
     radii: np.ndarray

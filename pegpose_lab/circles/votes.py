@@ -54,6 +54,16 @@ def circle_accumulator(
     ------
     ValueError
         If an argument is unusable.
+
+    Examples
+    --------
+    >>> import cv2
+    >>> import numpy as np
+    >>> image = cv2.circle(np.zeros((100, 120), np.uint8), (70, 40), 20, 255, -1)
+    >>> votes = circle_accumulator(image, (18, 22))
+    >>> y, x = np.unravel_index(votes.argmax(), votes.shape)
+    >>> votes.shape, bool(abs(x - 70) <= 1 and abs(y - 40) <= 1)
+    ((100, 120), True)
     """
     image = _as_grey(image)
     if method == "multiscale":

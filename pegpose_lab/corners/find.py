@@ -62,6 +62,19 @@ def find_corners(image: ArrayLike, board: Checkerboard) -> NDArray[np.float64]:
 
     The search sees the image at fixed sizes (see `grid`), so its time has a bound where there is no board.
     In an image of 12 megapixels, squares below some 12 px may be missed.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> board = pl.Checkerboard(columns=5, rows=4, square=20.0)
+    >>> cam_from_board = RigidTransform.from_components([-40.0, -30.0, 400.0], Rotation.from_rotvec([0.2, 0, 0]))
+    >>> image = pl.render_board(camera, cam_from_board, board, rng=0)
+    >>> corners = pl.find_corners(image, board)
+    >>> error = corners - camera.project(board.object_points, cam_from_board)
+    >>> corners.shape, bool(abs(error).max() < 0.05)
+    ((20, 2), True)
     """
     image = as_image(image)
     if min(board.columns, board.rows) < 3:

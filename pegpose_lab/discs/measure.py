@@ -49,6 +49,14 @@ class Discs:
     accepted : (n,) bool
     reasons : (n,) str
         Empty where accepted.
+
+    Examples
+    --------
+    >>> import cv2, numpy as np, pegpose_lab as pl
+    >>> image = cv2.circle(np.full((100, 120), 60, np.uint8), (70, 40), 20, 200, -1)
+    >>> discs = pl.fit_discs(image, pl.find_circles(image, (15, 30)))
+    >>> len(discs), discs.centers.shape, discs.sigmas.shape
+    (1, (1, 2), (1, 5))
     """
 
     centers: np.ndarray
@@ -115,6 +123,26 @@ def fit_discs(
     disc: where the ground changes within some pixels of the edge (a narrow side wall), where values are
     clipped at 0 or 255, or where the picture was smoothed, compressed or sharpened, errors are larger than stated.
     For a circle the angle is undetermined; its sigma is then that of a uniform distribution over half a turn, pi/sqrt(12).
+
+    References
+    ----------
+    J. Heikkila, "Geometric camera calibration using circular control points", IEEE Transactions on Pattern Analysis and
+    Machine Intelligence 22(10), 2000.
+    S. M. Kay, "Fundamentals of Statistical Signal Processing: Estimation Theory", 1993 (maximum likelihood).
+
+    Examples
+    --------
+    >>> import cv2
+    >>> import numpy as np
+    >>> import pegpose_lab as pl
+    >>> image = cv2.circle(np.full((100, 120), 60, np.uint8), (70, 40), 20, 200, -1)
+    >>> image = cv2.GaussianBlur(image, (0, 0), 1.0)
+    >>> image += np.random.default_rng(0).integers(0, 5, image.shape, np.uint8)
+    >>> discs = pl.fit_discs(image, pl.find_circles(image, (15, 30)))
+    >>> discs.centers.round(1).tolist(), discs.radii.round().tolist()
+    ([[70.0, 40.0]], [20.0])
+    >>> bool((discs.sigmas[:, :2] < 0.05).all())
+    True
     """
     image = as_image(image)
     limits = as_number(max_chi2, "max_chi2", 0.0), as_number(max_misfit, "max_misfit", 0.0)

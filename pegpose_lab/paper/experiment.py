@@ -25,7 +25,13 @@ BOARD_TILTS = ((-25.0, 5.0), (6.0, 27.0), (18.0, -20.0))  # deg about x and y, b
 
 @cache
 def paper_camera():
-    """The camera of Table 1, second row, read consistently (see the module's text)."""
+    """The camera of Table 1, second row, read consistently (see the module's text).
+
+    Examples
+    --------
+    >>> paper_camera().image_size
+    (1600, 1200)
+    """
     table = numbers.table1().set_index("stage")
     focal_length, t_z, kappa1 = table.loc["genetic", ["f", "t_z", "kappa1"]]
     pitch = numbers.mm_per_pixel() * focal_length / t_z
@@ -40,7 +46,13 @@ def paper_camera():
 
 
 def paper_pose():
-    """Table 1's pose cam_from_world of the calibration board, its rotation projected on SO(3)."""
+    """Table 1's pose cam_from_world of the calibration board, its rotation projected on SO(3).
+
+    Examples
+    --------
+    >>> round(float(paper_pose().translation[2]), 2)
+    267.38
+    """
     table = numbers.table1().set_index("stage")
     translation = table.loc["genetic", ["t_x", "t_y", "t_z"]].to_numpy(float)
     return RigidTransform.from_components(translation, Rotation.from_matrix(numbers.table1_rotation()))
@@ -57,6 +69,12 @@ class Experiment:
     hub : Hub
     blur, noise : float
         px and grey values, of every picture.
+
+    Examples
+    --------
+    >>> experiment = paper_experiment()
+    >>> len(experiment.cam_from_boards), len(experiment.cam_from_hubs)
+    (5, 45)
     """
 
     camera: TsaiCamera
@@ -130,6 +148,12 @@ class Experiment:
 
 
 def paper_experiment(**changes):
-    """The `Experiment` with the paper's camera, board and hub; `changes` replace its attributes."""
+    """The `Experiment` with the paper's camera, board and hub; `changes` replace its attributes.
+
+    Examples
+    --------
+    >>> paper_experiment(noise=0.0).noise
+    0.0
+    """
     settings = dict(camera=paper_camera(), board=Checkerboard(8, 6, numbers.printed("setup.pitch")), hub=Hub())
     return Experiment(**(settings | changes))

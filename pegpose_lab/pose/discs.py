@@ -49,6 +49,20 @@ def project_discs(
     ------
     ValueError
         If part of a disc lies behind the camera or has no image, or an argument is unusable.
+
+    References
+    ----------
+    J. Heikkila and O. Silven, "A four-step camera calibration procedure with implicit image correction", IEEE Conference
+    on Computer Vision and Pattern Recognition, 1997 (the centre of an ellipse is not the image of the circle's centre).
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> centers, radii = project_discs(camera, RigidTransform.from_translation([0, 0, 400.0]), [[0, 0, 0]], [10.0])
+    >>> centers.round(3).tolist(), radii.round(3).tolist()
+    ([[199.5, 149.5]], [20.0])
     """
     centers = as_points(centers, 3, "centers")
     radii = _as_radii(radii, len(centers), "radii")

@@ -63,6 +63,16 @@ def render_board(
     ------
     ValueError
         If the board lies behind the camera, or a parameter is unusable.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> board = pl.Checkerboard(columns=5, rows=4, square=20.0)
+    >>> image = pl.render_board(camera, RigidTransform.from_translation([-40.0, -30.0, 400.0]), board, rng=0)
+    >>> image.shape, image.dtype
+    ((300, 400), dtype('uint8'))
     """
     blur = as_number(blur, "blur", 0, 100)
     camera.project(board.object_points, cam_from_board)  # raises if a corner is behind the camera

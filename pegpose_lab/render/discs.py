@@ -18,7 +18,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TrueDisc:
-    """Exact image of a disc: the centroid (2,) px of its area, the area px^2, and sqrt(area / pi) px."""
+    """Exact image of a disc: the centroid (2,) px of its area, the area px^2, and sqrt(area / pi) px.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> TrueDisc(np.array([10.0, 20.0]), np.pi * 9, 3.0).radius
+    3.0
+    """
 
     centroid: np.ndarray
     area: float
@@ -44,6 +51,15 @@ def true_disc(
     Returns
     -------
     TrueDisc
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> disc = true_disc(camera, RigidTransform.from_translation([0, 0, 400.0]), [0, 0, 0], 10.0)
+    >>> disc.centroid.round(3).tolist(), round(disc.radius, 3)
+    ([199.5, 149.5], 20.0)
     """
     outline = disc_outline(camera, cam_from_object, center, radius, 2000)
     origin = outline.mean(axis=0)
@@ -62,7 +78,16 @@ def disc_outline(
     radius: float,
     n_points: int = 100,
 ) -> NDArray[np.float64]:
-    """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame."""
+    """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> disc_outline(camera, RigidTransform.from_translation([0, 0, 400.0]), [0, 0, 0], 10.0, 4).round(3).tolist()
+    [[219.5, 149.5], [199.5, 169.5], [179.5, 149.5], [199.5, 129.5]]
+    """
     n_points = as_count(n_points, "n_points", 3)
     angles = np.linspace(0, 2 * np.pi, n_points, endpoint=False)
     rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(n_points)])

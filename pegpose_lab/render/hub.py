@@ -28,6 +28,12 @@ class HubLook:
 
     `texture` is the amplitude of the turning marks on the base, `shading` the relative change of its level
     across the hub's radius, `wall_shading` that of the pegs' side walls around the peg.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> replace(HubLook(), texture=0.0).texture  # a smooth hub, for `render_hub(..., look=...)`
+    0.0
     """
 
     peg: float = 165.0
@@ -87,6 +93,17 @@ def render_hub(
     ------
     ValueError
         If the hub is behind the camera or seen from below, or a parameter is unusable.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> hub = pl.Hub(n_pegs=4, pitch_circle_diameter=97.05, peg_radius=10.1)
+    >>> cam_from_hub = RigidTransform.from_components([2.0, -1.0, 400.0], Rotation.from_rotvec([0, 0, 0.3]))
+    >>> image = pl.render_hub(camera, cam_from_hub, hub, rng=0)
+    >>> image.shape, image.dtype
+    ((300, 400), dtype('uint8'))
     """
     rng = np.random.default_rng(rng)
     blur = as_number(blur, "blur", 0, 100)

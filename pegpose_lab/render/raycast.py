@@ -161,6 +161,12 @@ def expose(
     ------
     ValueError
         If `noise` is unusable.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> expose(np.array([[10.4, 300.0]], np.float32), 0.0).tolist()
+    [[10, 255]]
     """
     if noise is None:
         return image
