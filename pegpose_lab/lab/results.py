@@ -4,24 +4,34 @@ Everything is written below one folder: the one that the environment variable ``
 the checkout.  A file is written under a temporary name and then renamed, so a reader never meets half a file.
 """
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from ..checks import as_number
 from ..files import output_folder, replacing
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from os import PathLike
+    from typing import Any
+
+    from pandas import DataFrame, Series
+
 _LATEX = {character: "\\" + character for character in "&%_#${}"} | {
     "\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"
 }
 
 
-def save_table(name, table, *, decimals=4):
+def save_table(name: str, table: DataFrame, *, decimals: int = 4) -> None:
     """Write a DataFrame as data/results/<name>.csv and .tex, numbers rounded to `decimals`."""
     write_table(output_folder() / "data" / "results", name, table, decimals=decimals)
 
 
-def write_table(folder, name, table, *, decimals=4):
+def write_table(folder: str | PathLike[str], name: str, table: DataFrame, *, decimals: int = 4) -> None:
     """Write a DataFrame as <name>.csv and .tex into `folder`, numbers rounded to `decimals`."""
     folder = Path(folder)
     rounded = table.round(decimals)
@@ -33,7 +43,7 @@ def write_table(folder, name, table, *, decimals=4):
         path.write_text(latex(rounded), encoding="utf-8")
 
 
-def load_table(name):
+def load_table(name: str) -> DataFrame:
     """Read back data/results/<name>.csv, which an earlier notebook saved.
 
     Raises
@@ -47,7 +57,7 @@ def load_table(name):
     return pd.read_csv(path)
 
 
-def save_values(notebook, values, *, digits=6):
+def save_values(notebook: str, values: Mapping[str, float], *, digits: int = 6) -> None:
     """Write our values of printed numbers, {claim id: number}, as data/results/<notebook>_values.csv.
 
     Raises
@@ -61,14 +71,14 @@ def save_values(notebook, values, *, digits=6):
         rows.to_csv(path, index=False, lineterminator="\n")
 
 
-def load_values(folder=None):
+def load_values(folder: str | PathLike[str] | None = None) -> Series:
     """Read back every saved value below `folder` (data/results by default) as one Series, indexed by claim id."""
     folder = Path(folder) if folder else output_folder() / "data" / "results"
     tables = [pd.read_csv(path, index_col="id")["ours"] for path in sorted(folder.glob("*_values.csv"))]
     return pd.concat(tables) if tables else pd.Series(dtype=float, name="ours")
 
 
-def latex(table):
+def latex(table: DataFrame) -> str:
     """Return a DataFrame as a booktabs tabular."""
     columns = "l" * table.select_dtypes(exclude="number").shape[1] + "r" * table.select_dtypes("number").shape[1]
     rows = [[_latex_cell(value) for value in row] for row in table.itertuples(index=False)]
@@ -85,7 +95,7 @@ def _latex_cell(value):
     return "".join(_LATEX.get(character, character) for character in text)
 
 
-def update_block(path, name, text):
+def update_block(path: str | PathLike[str], name: str, text: str) -> None:
     """Put `text` between the markers ``<!-- name:begin -->`` and ``<!-- name:end -->`` of a Markdown file.
 
     Raises
@@ -98,7 +108,7 @@ def update_block(path, name, text):
         temporary.write_text(updated, encoding="utf-8", newline="\n")
 
 
-def block_is_current(path, name, text):
+def block_is_current(path: str | PathLike[str], name: str, text: str) -> bool:
     """Return whether `update_block` would leave the file as it is; raises as it does."""
     before, updated = _with_block(path, name, text)
     return before == updated
@@ -114,7 +124,7 @@ def _with_block(path, name, text):
     return before, f"{before[:begin]}{begin_mark}\n{text}\n{before[end:]}"
 
 
-def markdown(rows, alignment):
+def markdown(rows: Iterable[Sequence[Any]], alignment: str) -> str:
     """Return a Markdown table; the first of `rows` is the head, `alignment` has an l or r for each column."""
     rules = [{"l": "---", "r": "---:"}[letter] for letter in alignment]
     first, *more = ([str(cell).replace("|", r"\|") for cell in row] for row in rows)

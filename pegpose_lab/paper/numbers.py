@@ -5,12 +5,19 @@ peg 3).  `printed` reads one, `printed_numbers` all; the tables of the paper are
 Nothing here is ours except `mm_per_pixel`, `corner_count` and `corner_stretch`, which follow from them alone.
 """
 
+from __future__ import annotations
+
 import difflib
 import functools
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from pandas import DataFrame
 
 FOLDER = Path(__file__).resolve().parents[2] / "data" / "paper"
 
@@ -23,7 +30,7 @@ def _numbers():
     return table
 
 
-def printed_numbers():
+def printed_numbers() -> DataFrame:
     """Return a DataFrame of all printed numbers.
 
     Returns
@@ -39,7 +46,7 @@ def printed_numbers():
     return _numbers().copy()
 
 
-def printed(identifier):
+def printed(identifier: str) -> float:
     """Return the printed number with this id as a float.
 
     Raises
@@ -58,7 +65,7 @@ def printed(identifier):
     return float(_numbers().at[identifier, "value"])
 
 
-def image_size():
+def image_size() -> tuple[int, int]:
     """Return (width, height) in px (Sect. 4).
 
     Examples
@@ -69,7 +76,7 @@ def image_size():
     return int(printed("setup.width")), int(printed("setup.height"))
 
 
-def table1():
+def table1() -> DataFrame:
     """Return Table 1 without its rotation: stage (linear, genetic), f, t_x, t_y, t_z (mm), kappa1.
 
     The printed unit of kappa1 is pixel^-2; only mm^-2 on the sensor makes sense of it (see `corner_stretch`).
@@ -87,7 +94,7 @@ def table1():
     return pd.DataFrame(rows)
 
 
-def table1_rotation():
+def table1_rotation() -> NDArray[np.float64]:
     """Return Table 1's rotation matrix (3, 3) as printed, the same for both stages; orthonormal to 1.3e-3.
 
     Examples
@@ -98,7 +105,7 @@ def table1_rotation():
     return np.array([printed(f"T1-R.r{k}") for k in range(1, 10)]).reshape(3, 3)
 
 
-def table2():
+def table2() -> DataFrame:
     """Return Table 2, the pegs in frame 1: peg (1..4), x_px, y_px, x_mm, y_mm.
 
     Examples
@@ -112,7 +119,7 @@ def table2():
     return pd.DataFrame({"peg": list(pegs)} | table)
 
 
-def table3():
+def table3() -> DataFrame:
     """Return Table 3, errors of peg 1's radius: first_frame, last_frame, radius_mm, mean_mm, sd_mm.
 
     Examples
@@ -133,7 +140,7 @@ def table3():
     )
 
 
-def mm_per_pixel():
+def mm_per_pixel() -> float:
     """Return the single scale that takes Table 2's pixels to its millimetres, by least squares over its 8 pairs.
 
     All eight printed coordinates are this scale times the printed pixels, to their last digit.
@@ -147,7 +154,7 @@ def mm_per_pixel():
     return float(pixels @ metric / (pixels @ pixels))
 
 
-def corner_count():
+def corner_count() -> int:
     """Return how many checkerboard corners the setup of Sect. 4 has over all orientations (6 x 8 x 5).
 
     Examples
@@ -158,7 +165,7 @@ def corner_count():
     return int(printed("setup.corner_rows") * printed("setup.corner_columns") * printed("setup.orientations"))
 
 
-def corner_stretch():
+def corner_stretch() -> float:
     """Return x_u / x_d = 1 + k_1 r^2 (Eq. 3) in the image's corner, with k_1 in px^-2 as Table 1 prints it.
 
     Examples

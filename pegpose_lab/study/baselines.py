@@ -1,8 +1,11 @@
 """The genetic algorithm's rivals, on the same corners and by the same measures."""
 
+from __future__ import annotations
+
 import time
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -24,6 +27,12 @@ from ..checks import CalibrationError
 from .ga_success import PRINTED
 from .held_out import held_out_distances, leave_one_out
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+    from pandas import DataFrame
+
 GENETIC, DIFFERENTIAL_EVOLUTION = METHODS["genetic"].label, "differential evolution"
 PARTICLES, PARTICLE_STEPS = 30, 100
 INERTIA, PULL = 0.7298, 1.49618  # Clerc and Kennedy's constriction
@@ -32,7 +41,14 @@ INERTIA, PULL = 0.7298, 1.49618  # Clerc and Kennedy's constriction
 # --- rivals ------------------------------------------------------------------------------------------------
 
 
-def compare(object_points, image_points, camera, *, truth=None, rng=0):
+def compare(
+    object_points: Sequence[ArrayLike],
+    image_points: Sequence[ArrayLike],
+    camera: TsaiCamera,
+    *,
+    truth: tuple[float, float] | None = None,
+    rng: int = 0,
+) -> DataFrame:
     """Calibrate with every method and judge all by the same measures.
 
     The single-view methods get view 1 and the principal point of `camera`; Zhang's and the joint one get all views.
@@ -73,7 +89,13 @@ def compare(object_points, image_points, camera, *, truth=None, rng=0):
     return pd.DataFrame(rows, columns=columns)
 
 
-def search(name, object_points, image_points, camera, rng):
+def search(
+    name: str,
+    object_points: ArrayLike,
+    image_points: ArrayLike,
+    camera: TsaiCamera,
+    rng: int | Sequence[int] | np.random.Generator | None,
+) -> tuple[Calibration, float]:
     """Calibrate one view by one of the single-view methods of `compare`.
 
     Returns

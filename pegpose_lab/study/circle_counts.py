@@ -1,5 +1,9 @@
 """Discs found and missed in photographs whose discs are known."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 import pandas as pd
@@ -8,6 +12,12 @@ from ..circles import find_circles
 from ..discs import fit_discs
 from .datasets import dataset
 from .photographs import FOLDER, _grey
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from numpy.typing import NDArray
+    from pandas import DataFrame
 
 COUNTS_FILE, KNOWN_FILE = "circle_counts.csv", "known_circles.csv"
 SCREWS = ("screws4-a", "*.jpg", (38, 62), "dark")
@@ -31,7 +41,7 @@ ALONE = 1.6  # of the radius: half the side of the cut-out in which a disc is se
 BITS_FILE = "screw_bits.csv"
 
 
-def count_circles():
+def count_circles() -> tuple[DataFrame, DataFrame]:
     """Circles that `find_circles` finds in photographs with known counts, with its defaults.
 
     Returns
@@ -106,7 +116,7 @@ def _why(image, place, radii, polarity, circles):
     return "no candidate"
 
 
-def rim_share(image, x, y, r, polarity):
+def rim_share(image: NDArray[np.uint8], x: float, y: float, r: float, polarity: str) -> float:
     """Part of a circle's rim, in 64 directions, where the picture steps by RIM_STEP at least, in `polarity`'s sense."""
     turn = np.arange(64) * (2 * np.pi / 64)
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
@@ -121,7 +131,7 @@ def rim_share(image, x, y, r, polarity):
     return float(np.mean(step >= RIM_STEP))
 
 
-def measure_bits():
+def measure_bits() -> DataFrame:
     """Which of the four places in each photograph of screws4-a hold a screw, by `find_circles`.
 
     Returns
@@ -148,21 +158,21 @@ def measure_bits():
     return pd.DataFrame(rows, columns=["picture", "position", "present", "found", "fits", "apart"])
 
 
-def load_bits(path=FOLDER / BITS_FILE):
+def load_bits(path: str | PathLike[str] = FOLDER / BITS_FILE) -> DataFrame:
     """Read the table of `measure_bits`."""
     return pd.read_csv(path, comment="#")
 
 
-def load_known(path=FOLDER / KNOWN_FILE):
+def load_known(path: str | PathLike[str] = FOLDER / KNOWN_FILE) -> DataFrame:
     """Read where the discs are: dataset, picture, x, y, r (px), present (0: an empty place of screws4-a)."""
     return pd.read_csv(path, comment="#")
 
 
-def load_missed(path=FOLDER / MISSED_FILE):
+def load_missed(path: str | PathLike[str] = FOLDER / MISSED_FILE) -> DataFrame:
     """Read the discs that `count_circles` missed."""
     return pd.read_csv(path, comment="#")
 
 
-def load_counts(path=FOLDER / COUNTS_FILE):
+def load_counts(path: str | PathLike[str] = FOLDER / COUNTS_FILE) -> DataFrame:
     """Read the first table of `count_circles`."""
     return pd.read_csv(path, comment="#")

@@ -6,7 +6,10 @@ scale of the noise cancels.  `rayleigh_counts` draws that number for independent
 what the paper's two stages leave of normal corner noise: those residuals are neither independent nor of one scale.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,6 +19,13 @@ from ..calibration import calibrate_genetic
 from ..checks import as_choice, as_count, as_number
 from ..files import PROJECT_FOLDER, replacing
 from ..paper import paper_experiment
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from os import PathLike
+
+    from numpy.typing import ArrayLike, NDArray
+    from pandas import DataFrame
 
 GIVEN = ("mean", "rms")
 """What the limit is a multiple of: the mean of the distances (Eq. 7 as printed), or their root mean square."""
@@ -28,7 +38,7 @@ TRIALS = 500
 _BATCH = 4_000_000  # numbers drawn at once
 
 
-def count_below(distances, ratio, given="mean"):
+def count_below(distances: ArrayLike, ratio: float, given: str = "mean") -> NDArray[np.int_]:
     """Return how many of the distances (..., n) lie below `ratio` times their own mean or rms, (...,) int.
 
     Raises
@@ -44,7 +54,9 @@ def count_below(distances, ratio, given="mean"):
     return np.count_nonzero(distances < ratio * scale[..., None], axis=-1)
 
 
-def rayleigh_counts(n, ratio, *, samples=20_000, rng=None):
+def rayleigh_counts(
+    n: int, ratio: float, *, samples: int = 20_000, rng: int | Sequence[int] | np.random.Generator | None = None
+) -> dict[str, NDArray[np.int_]]:
     """Draw samples of n independent Rayleigh distances; count those below `ratio` times their own mean and rms.
 
     Rayleigh's is the distribution of the length of an error that is normal, with one sigma, in both coordinates.
@@ -76,7 +88,7 @@ def rayleigh_counts(n, ratio, *, samples=20_000, rng=None):
     return dict(zip(GIVEN, np.concatenate(parts, axis=1), strict=True))
 
 
-def two_stage_counts(trials, ratio, *, seed=0):
+def two_stage_counts(trials: Iterable[int], ratio: float, *, seed: int = 0) -> DataFrame:
     """Simulate the paper's two stages; count their residual distances below `ratio` times their own mean and rms.
 
     Each trial adds normal noise to the exact corners of the experiment's boards, calibrates each view alone by both
@@ -116,12 +128,12 @@ def _trial_distances(trial, seed):
         yield np.hypot(*found.residuals[0].T)
 
 
-def printed_ratio():
+def printed_ratio() -> float:
     """Return the limit of Fig. 6 over the error of Sect. 5."""
     return paper.printed("F6.limit") / paper.printed("E-rms")
 
 
-def write_two_stage_counts(path=TRIALS_FILE, *, trials=TRIALS):
+def write_two_stage_counts(path: str | PathLike[str] = TRIALS_FILE, *, trials: int = TRIALS) -> None:
     """Run `two_stage_counts` at the printed ratio and write its table (some minutes)."""
     table = two_stage_counts(range(trials), printed_ratio())
     text = table.to_csv(index=False, float_format="%.6g", lineterminator="\n")
@@ -129,7 +141,7 @@ def write_two_stage_counts(path=TRIALS_FILE, *, trials=TRIALS):
         temporary.write_text(f"# made by: {COMMAND}\n{text}", encoding="utf-8", newline="\n")
 
 
-def load_two_stage_counts(path=TRIALS_FILE):
+def load_two_stage_counts(path: str | PathLike[str] = TRIALS_FILE) -> DataFrame:
     """Read what `write_two_stage_counts` wrote."""
     return pd.read_csv(path, comment="#")
 

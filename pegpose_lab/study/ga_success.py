@@ -4,7 +4,10 @@
 the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photographs.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 from zlib import crc32
 
 import numpy as np
@@ -18,6 +21,14 @@ from ..camera import TsaiCamera
 from ..corners import find_corners
 from ..files import replacing
 from . import photographs
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from os import PathLike
+    from pathlib import Path
+    from typing import Any
+
+    from pandas import DataFrame
 
 COMMAND = "python3 -m pegpose_lab.study.ga_success"
 SUCCESS_FILE = "ga_success.csv"
@@ -38,7 +49,7 @@ VARIANTS = {
 # --- success over seeds ----------------------------------------------------------------------------------
 
 
-def trial_sets():
+def trial_sets() -> list[tuple[Any, ...]]:
     """The views of the trial: name, object_points, image_points, camera.
 
     The paper's view is that of Table 1 with exact corners and 0.025 px of noise; the rendered ones have their corners
@@ -60,7 +71,14 @@ def trial_sets():
     return sets + [(name, *view, camera) for name, *view in zip(names, object_points, image_points, strict=True)]
 
 
-def success_rates(sets=None, *, variants=tuple(VARIANTS), seeds=SEEDS, workers=2, progress=True):
+def success_rates(
+    sets: list[tuple[Any, ...]] | None = None,
+    *,
+    variants: Sequence[str] = tuple(VARIANTS),
+    seeds: int = SEEDS,
+    workers: int = 2,
+    progress: bool = True,
+) -> DataFrame:
     """How many seeds of each variant end within `REACHED` of the optimum of the box, on each view.
 
     Parameters
@@ -99,7 +117,7 @@ def _success(name, object_points, image_points, camera, variant, seeds):
     return name, variant, optimum, seeds, int(np.sum(excess <= REACHED)), float(np.median(excess)), float(excess.max())
 
 
-def load_success(path=photographs.FOLDER / SUCCESS_FILE):
+def load_success(path: str | PathLike[str] = photographs.FOLDER / SUCCESS_FILE) -> DataFrame:
     """Read the table of `success_rates`."""
     return pd.read_csv(path, comment="#")
 
@@ -107,7 +125,7 @@ def load_success(path=photographs.FOLDER / SUCCESS_FILE):
 # --- rivals ------------------------------------------------------------------------------------------------
 
 
-def write_success(folder=photographs.FOLDER):
+def write_success(folder: Path = photographs.FOLDER) -> None:
     """Write the table of `success_rates` below `folder`."""
     table = success_rates().round({"optimum": 6, "median_excess": 6, "worst_excess": 6})
     with replacing(folder / SUCCESS_FILE) as path:

@@ -1,6 +1,9 @@
 """How far a calibration can be trusted: views it has not seen, what it knows of the picture, a wrong model's traces."""
 
+from __future__ import annotations
+
 import re
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -9,10 +12,21 @@ from ..calibration import board_pose
 from ..camera import OpenCVCamera
 from ..checks import CalibrationError, as_count, as_number, as_points
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+    from pandas import DataFrame
+
+    from ..calibration import Calibration
+    from ..camera import TsaiCamera
+
 LEAST_IN_RING = 5
 
 
-def held_out_distances(camera, object_points, image_points):
+def held_out_distances(
+    camera: TsaiCamera | OpenCVCamera, object_points: ArrayLike, image_points: ArrayLike
+) -> NDArray[np.float64]:
     """How far a view that a camera was not made from is from its projection when only the view's pose is fitted.
 
     Parameters
@@ -39,7 +53,9 @@ def held_out_distances(camera, object_points, image_points):
     return np.hypot(*(camera.project(object_points, pose) - image_points).T)
 
 
-def leave_one_out(calibrate, object_points, image_points):
+def leave_one_out(
+    calibrate: Callable[..., Calibration], object_points: Sequence[ArrayLike], image_points: Sequence[ArrayLike]
+) -> DataFrame:
     """Calibrate without each view in turn, and fit that view's pose alone through the camera of the others.
 
     Parameters
@@ -77,7 +93,9 @@ def leave_one_out(calibrate, object_points, image_points):
     return pd.DataFrame(rows, columns=["rms", "mean_distance", "focal_length"])
 
 
-def coverage(image_points, image_size, cells=(8, 6)):
+def coverage(
+    image_points: Sequence[ArrayLike], image_size: tuple[int, int], cells: tuple[int, int] = (8, 6)
+) -> NDArray[np.int_]:
     """Corners in each cell of a grid over the picture; where there are none, the distortion is extrapolated.
 
     Parameters
@@ -113,7 +131,7 @@ def coverage(image_points, image_size, cells=(8, 6)):
     return counts
 
 
-def radial_profile(calibration, image_points, rings=8):
+def radial_profile(calibration: Calibration, image_points: Sequence[ArrayLike], rings: int = 8) -> DataFrame:
     """Mean residual along the radius in rings round the principal point: a wrong distortion model leaves a curve.
 
     Parameters
@@ -166,7 +184,11 @@ def radial_profile(calibration, image_points, rings=8):
     return pd.DataFrame(statistics)[["radius", "residual", "sigma", "count"]]
 
 
-def sensitivity(calibrate, object_points, images):
+def sensitivity(
+    calibrate: Callable[..., Calibration],
+    object_points: Sequence[ArrayLike],
+    images: Mapping[str, Sequence[ArrayLike]],
+) -> DataFrame:
     """What the camera owes to the corners' detector: each parameter by several detectors, beside the stated sigma.
 
     Parameters

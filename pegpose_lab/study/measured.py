@@ -4,6 +4,10 @@
 notebooks read the files, so that they do not need the photographs.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 from ..files import replacing
 from .circle_counts import BITS_FILE, COUNTS_FILE, MISSED_FILE, count_circles, measure_bits
 from .datasets import write_corners
@@ -20,10 +24,13 @@ from .photographs import (
 )
 from .segmented_parts import PARTS_FILE, count_parts
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
 COMMAND = "python3 -m pegpose_lab.study.measured"
 
 
-def write_measured(folder=FOLDER):
+def write_measured(folder: Path = FOLDER) -> None:
     """Measure everything anew and write it below `folder`; errors as in `measure_corners` and `count_circles`."""
     counts, missed = count_circles()
     for name, table, what in (

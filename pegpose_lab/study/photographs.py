@@ -1,5 +1,9 @@
 """Corners and disc centres in third-party photographs, and how calibrations depend on their detector."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 import pandas as pd
@@ -15,6 +19,12 @@ from ..targets import Checkerboard
 from .datasets import dataset, read_corners
 from .held_out import sensitivity
 
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from numpy.typing import NDArray
+    from pandas import DataFrame
+
 FOLDER = PROJECT_FOLDER / "data" / "measured"
 CORNERS_FILE = "opencv_left_corners.csv"
 LEFT_BOARD = Checkerboard(columns=9, rows=6, square=30.0)
@@ -25,7 +35,7 @@ GRID_PITCH, GRID_SIZE = 34.0, (320, 240)  # mm, px
 GRID_RADIUS = GRID_PITCH / 3  # mm, of a disc
 
 
-def measure_corners():
+def measure_corners() -> tuple[list[str], list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     """Find the corners in the 13 photographs of opencv_left.
 
     Returns
@@ -59,7 +69,7 @@ def _read(path):
     return image
 
 
-def measure_sensitivity():
+def measure_sensitivity() -> DataFrame:
     """The joint calibration of opencv_left by three detectors, see `held_out.sensitivity`.
 
     This project's `find_corners`, and `cv2.cornerSubPix` from there with windows of 11 and 23 px.
@@ -82,12 +92,14 @@ def measure_sensitivity():
     return sensitivity(lambda *views: calibrate_joint(*views, camera), object_points, images)
 
 
-def load_sensitivity(path=FOLDER / SENSITIVITY_FILE):
+def load_sensitivity(path: str | PathLike[str] = FOLDER / SENSITIVITY_FILE) -> DataFrame:
     """Read the table of `measure_sensitivity`."""
     return pd.read_csv(path, comment="#")
 
 
-def load_corners(path=FOLDER / CORNERS_FILE):
+def load_corners(
+    path: str | PathLike[str] = FOLDER / CORNERS_FILE,
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], tuple[int, int], list[str]]:
     """Read the measured corners of opencv_left.
 
     Returns
@@ -102,7 +114,7 @@ def load_corners(path=FOLDER / CORNERS_FILE):
     return object_points, image_points, LEFT_SIZE, names
 
 
-def measure_grid():
+def measure_grid() -> tuple[list[str], list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     """Measure the discs of the 6 x 6 grid in the five photographs of visp_circles by `fit_discs`.
 
     `cv2.findCirclesGrid` says only which disc is which.
@@ -137,7 +149,9 @@ def _grid_centers(path):
     return discs.centers[nearest]
 
 
-def load_grid(path=FOLDER / GRID_FILE):
+def load_grid(
+    path: str | PathLike[str] = FOLDER / GRID_FILE,
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], tuple[int, int], list[str]]:
     """Read the measured discs of visp_circles; returns as `load_corners`."""
     names, object_points, image_points = read_corners(path)
     return object_points, image_points, GRID_SIZE, names

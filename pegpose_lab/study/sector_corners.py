@@ -5,6 +5,10 @@ moves single corners by up to 0.003 px, enough to count a point on the other sid
 corner detectors therefore read its corners from data/measured/sector_corners.csv.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 
@@ -13,11 +17,16 @@ from ..files import PROJECT_FOLDER
 from ..paper import paper_experiment
 from .datasets import read_corners, write_corners
 
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from numpy.typing import NDArray
+
 FILE = PROJECT_FOLDER / "data" / "measured" / "sector_corners.csv"
 COMMAND = "python3 -m pegpose_lab.study.sector_corners"
 
 
-def find_sector_corners(index):
+def find_sector_corners(index: int) -> NDArray[np.float64]:
     """Return the corners (48, 2), px, of board `index` (0 to 4) in the order of the board's points.
 
     Raises
@@ -36,7 +45,7 @@ def find_sector_corners(index):
     return min((points, points[::-1]), key=lambda order: np.abs(order - exact).max())
 
 
-def write_sector_corners(path=FILE):
+def write_sector_corners(path: str | PathLike[str] = FILE) -> None:
     """Find the corners of all five boards anew and write them."""
     board = paper_experiment().board.object_points
     views = [find_sector_corners(index) for index in range(5)]
@@ -47,7 +56,7 @@ def write_sector_corners(path=FILE):
     write_corners(path, [str(index + 1) for index in range(5)], [board] * 5, views, comment)
 
 
-def load_sector_corners(path=FILE):
+def load_sector_corners(path: str | PathLike[str] = FILE) -> list[NDArray[np.float64]]:
     """Read what `write_sector_corners` wrote: a list of five (48, 2) arrays, px."""
     return read_corners(path)[2]
 

@@ -1,5 +1,9 @@
 """How many discs are a part of their own in a segmented picture."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -10,11 +14,16 @@ from .circle_counts import load_known
 from .datasets import dataset
 from .photographs import FOLDER, _grey
 
+if TYPE_CHECKING:
+    from os import PathLike
+
+    from pandas import DataFrame
+
 PARTS_FILE, PART_OFF, PART_AREA = "segmented_parts.csv", 0.3, 0.3  # of a disc's radius, and of its area
 HUB_COLUMNS, LIGHTS = (40, 680), (1, 2, 4, 8)  # px, where the rendered hub is; how many times lighter its right side
 
 
-def count_parts():
+def count_parts() -> DataFrame:
     """How many discs `segment` makes a part of its own, and how many Otsu's global threshold alone.
 
     In the photograph of skimage-coins, and, with the pegs as discs, in the rendered frame 1 of the paper's experiment
@@ -60,6 +69,6 @@ def _own_parts(parts, places):
     return int(((apart < PART_OFF * r) & (np.abs(larger) < PART_AREA)).any(axis=0).sum())
 
 
-def load_parts(path=FOLDER / PARTS_FILE):
+def load_parts(path: str | PathLike[str] = FOLDER / PARTS_FILE) -> DataFrame:
     """Read the table of `count_parts`."""
     return pd.read_csv(path, comment="#", dtype={"levels": str})

@@ -1,11 +1,14 @@
 """Repeated calibrations of a camera whose truth is known (Monte Carlo)."""
 
+from __future__ import annotations
+
 import csv
 import io
 import time
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -22,6 +25,13 @@ from ..files import PROJECT_FOLDER, replacing
 from ..paper import Experiment, paper_camera
 from ..render import render_board
 from ..targets import Checkerboard
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from os import PathLike
+    from typing import Any
+
+    from pandas import DataFrame
 
 METHODS = tuple(calibration.METHODS)
 """Methods of `monte_carlo`; those for one view get the first of the views alone, and the true principal point."""
@@ -45,9 +55,18 @@ RENDERED = {"corners": "rendered", "noises": (2.0,), "trials": 200}
 
 
 def monte_carlo(
-    *, corners="simulated", noises=(0.1,), tilts=(30.0,), views=(5,), methods=("joint",), trials=100, seed=0,
-    workers=None, path=None, progress=True,
-):
+    *,
+    corners: str = "simulated",
+    noises: Sequence[float] = (0.1,),
+    tilts: Sequence[float] = (30.0,),
+    views: Sequence[int] = (5,),
+    methods: Sequence[str] = ("joint",),
+    trials: int = 100,
+    seed: int = 0,
+    workers: int | None = None,
+    path: str | PathLike[str] | None = None,
+    progress: bool = True,
+) -> DataFrame:
     """Calibrate the paper's camera, whose truth is known, many times in all combinations of the conditions.
 
     A trial draws its boards from the seed, the tilt, the number of views and its own number, and the noise
@@ -121,7 +140,9 @@ def monte_carlo(
     return done.set_index([*_KEY]).loc[sorted(wanted)].reset_index()
 
 
-def run_trial(seed, corners, noise, tilt, views, method, trial):
+def run_trial(
+    seed: int, corners: str, noise: float, tilt: float, views: int, method: str, trial: int
+) -> tuple[Any, ...]:
     """One row of `monte_carlo`'s table, as a tuple."""
     camera, board = paper_camera(), Checkerboard(8, 6, paper.printed("setup.pitch"))
     poses = trial_poses(board, tilt, views, [seed, _whole(tilt), views, trial])
@@ -157,7 +178,9 @@ def _see(corners, camera, board, poses, noise, rng):
     return found, float(np.sqrt(np.mean(np.square(np.subtract(found, exact)))))
 
 
-def trial_poses(board, tilt, views, rng):
+def trial_poses(
+    board: Checkerboard, tilt: float, views: int, rng: int | Sequence[int] | np.random.Generator | None
+) -> list[RigidTransform]:
     """Poses of `views` boards, each tilted by `tilt` degrees, about axes spread evenly from a random first one."""
     rng = np.random.default_rng(rng)
     first, poses = rng.uniform(0, 2 * np.pi), []
@@ -252,12 +275,12 @@ def _save(path, done, rows):
     return table
 
 
-def write_rendered_trials(path=RENDERED_FILE, *, workers=2):
+def write_rendered_trials(path: str | PathLike[str] = RENDERED_FILE, *, workers: int = 2) -> DataFrame:
     """Run the trials `RENDERED` of `monte_carlo` (some minutes), or those that the file does not have yet."""
     return monte_carlo(**RENDERED, workers=workers, path=path)
 
 
-def load_rendered_trials(path=RENDERED_FILE):
+def load_rendered_trials(path: str | PathLike[str] = RENDERED_FILE) -> DataFrame:
     """Read what `write_rendered_trials` wrote."""
     return _finished(path)
 

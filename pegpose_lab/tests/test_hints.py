@@ -12,7 +12,8 @@ from pegpose_lab.files import PROJECT_FOLDER
 
 PACKAGE = PROJECT_FOLDER / "pegpose_lab"
 TYPED = (
-    "checks.py", "files.py", "targets.py", "segmentation.py", "render", "corners", "circles", "discs", "pegs", "pose",
+    "checks.py", "files.py", "targets.py", "segmentation.py", "render", "corners", "circles", "discs", "pegs", "pose", "paper",
+    "study", "lab/results.py",
 )  # fmt: skip
 INNER = {"CornerFits", "candidate_grids", "check_ends", "check_fields", "edge_crossing", "find", "fit_corners", "seen_grid"}
 """Names without an underscore in files behind a face, which does not show them."""
