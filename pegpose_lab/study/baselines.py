@@ -102,6 +102,14 @@ def search(
     -------
     Calibration, int or NaN
         And the evaluations of the objective.
+
+    Examples
+    --------
+    >>> from pegpose_lab import study
+    >>> name, *view = study.trial_sets()[0]
+    >>> found, evaluations = search("Nelder-Mead", *view, rng=0)
+    >>> bool(found.mean_distance < 0.1), evaluations > 0
+    (True, True)
     """
     method, _ = _METHODS[name]
     return method(_Setting(object_points, image_points, camera, rng))

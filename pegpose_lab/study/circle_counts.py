@@ -159,7 +159,13 @@ def measure_bits() -> DataFrame:
 
 
 def load_bits(path: str | PathLike[str] = FOLDER / BITS_FILE) -> DataFrame:
-    """Read the table of `measure_bits`."""
+    """Read the table of `measure_bits`.
+
+    Examples
+    --------
+    >>> len(load_bits()) > 0
+    True
+    """
     return pd.read_csv(path, comment="#")
 
 
@@ -169,10 +175,22 @@ def load_known(path: str | PathLike[str] = FOLDER / KNOWN_FILE) -> DataFrame:
 
 
 def load_missed(path: str | PathLike[str] = FOLDER / MISSED_FILE) -> DataFrame:
-    """Read the discs that `count_circles` missed."""
+    """Read the discs that `count_circles` missed.
+
+    Examples
+    --------
+    >>> len(load_missed()) > 0
+    True
+    """
     return pd.read_csv(path, comment="#")
 
 
 def load_counts(path: str | PathLike[str] = FOLDER / COUNTS_FILE) -> DataFrame:
-    """Read the first table of `count_circles`."""
+    """Read the first table of `count_circles`.
+
+    Examples
+    --------
+    >>> len(load_counts()) > 0
+    True
+    """
     return pd.read_csv(path, comment="#")

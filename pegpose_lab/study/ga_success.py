@@ -55,6 +55,12 @@ def trial_sets() -> list[tuple[Any, ...]]:
     The paper's view is that of Table 1 with exact corners and 0.025 px of noise; the rendered ones have their corners
     found in the pictures; the real ones are OpenCV's photographs with this project's corners, the principal point in the
     picture's middle.
+
+    Examples
+    --------
+    >>> sets = trial_sets()
+    >>> sets[0][0], len(sets)
+    ("paper's view", 19)
     """
     truth = paper.paper_experiment()
     unknown = replace(truth.camera, focal_length=1.0, kappa1=0.0)
@@ -118,7 +124,13 @@ def _success(name, object_points, image_points, camera, variant, seeds):
 
 
 def load_success(path: str | PathLike[str] = photographs.FOLDER / SUCCESS_FILE) -> DataFrame:
-    """Read the table of `success_rates`."""
+    """Read the table of `success_rates`.
+
+    Examples
+    --------
+    >>> "reached" in load_success()
+    True
+    """
     return pd.read_csv(path, comment="#")
 
 

@@ -77,6 +77,16 @@ def leave_one_out(
         If there are fewer than three views.
     CalibrationError
         If the others do not determine the camera.
+
+    Examples
+    --------
+    >>> from pegpose_lab import calibrate_joint, paper, study
+    >>> truth = paper.paper_experiment()
+    >>> boards = [truth.board.object_points] * 5
+    >>> images = [truth.camera.project(truth.board.object_points, pose) for pose in truth.cam_from_boards]
+    >>> table = study.leave_one_out(lambda *views: calibrate_joint(*views, truth.camera), boards, images)
+    >>> len(table), bool(table["rms"].max() < 1e-6)  # exact corners
+    (5, True)
     """
     if len(object_points) < 3 or len(object_points) != len(image_points):
         raise ValueError(
@@ -116,6 +126,11 @@ def coverage(
     ------
     ValueError
         If the input is unusable, or all points lie outside the picture.
+
+    Examples
+    --------
+    >>> coverage([[[10.0, 10.0], [90.0, 10.0]]], (100, 80), cells=(2, 2)).tolist()
+    [[1, 1], [0, 0]]
     """
     if np.shape(cells) != (2,):
         raise ValueError(f"cells is {cells}; expected two whole numbers, columns and rows")
@@ -153,6 +168,16 @@ def radial_profile(calibration: Calibration, image_points: Sequence[ArrayLike], 
     ValueError
         If there are fewer than `LEAST_IN_RING` points in a ring, so also where many have one radius, or other points
         than residuals.
+
+    Examples
+    --------
+    >>> from pegpose_lab import calibrate_joint, paper, study
+    >>> truth = paper.paper_experiment()
+    >>> boards = [truth.board.object_points] * 5
+    >>> images = [truth.camera.project(truth.board.object_points, pose) for pose in truth.cam_from_boards]
+    >>> found = calibrate_joint(boards, images, truth.camera)
+    >>> len(study.radial_profile(found, images, rings=4))
+    4
     """
     from scipy.stats import binned_statistic  # here, for scipy.stats takes the longest of all imports
 

@@ -93,7 +93,13 @@ def measure_sensitivity() -> DataFrame:
 
 
 def load_sensitivity(path: str | PathLike[str] = FOLDER / SENSITIVITY_FILE) -> DataFrame:
-    """Read the table of `measure_sensitivity`."""
+    """Read the table of `measure_sensitivity`.
+
+    Examples
+    --------
+    >>> len(load_sensitivity())  # a row for each corner detector
+    3
+    """
     return pd.read_csv(path, comment="#")
 
 
@@ -109,6 +115,12 @@ def load_corners(
     image_size : tuple
         (width, height), px.
     names : list of str
+
+    Examples
+    --------
+    >>> object_points, image_points, image_size, names = load_corners()
+    >>> len(names), image_points[0].shape, image_size
+    (13, (54, 2), (640, 480))
     """
     names, object_points, image_points = read_corners(path)
     return object_points, image_points, LEFT_SIZE, names
@@ -152,6 +164,13 @@ def _grid_centers(path):
 def load_grid(
     path: str | PathLike[str] = FOLDER / GRID_FILE,
 ) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], tuple[int, int], list[str]]:
-    """Read the measured discs of visp_circles; returns as `load_corners`."""
+    """Read the measured discs of visp_circles; returns as `load_corners`.
+
+    Examples
+    --------
+    >>> object_points, image_points, image_size, names = load_grid()
+    >>> len(names), image_points[0].shape
+    (5, (36, 2))
+    """
     names, object_points, image_points = read_corners(path)
     return object_points, image_points, GRID_SIZE, names

@@ -57,7 +57,13 @@ def write_sector_corners(path: str | PathLike[str] = FILE) -> None:
 
 
 def load_sector_corners(path: str | PathLike[str] = FILE) -> list[NDArray[np.float64]]:
-    """Read what `write_sector_corners` wrote: a list of five (48, 2) arrays, px."""
+    """Read what `write_sector_corners` wrote: a list of five (48, 2) arrays, px.
+
+    Examples
+    --------
+    >>> [corners.shape for corners in load_sector_corners()]
+    [(48, 2), (48, 2), (48, 2), (48, 2), (48, 2)]
+    """
     return read_corners(path)[2]
 
 

@@ -70,5 +70,11 @@ def _own_parts(parts, places):
 
 
 def load_parts(path: str | PathLike[str] = FOLDER / PARTS_FILE) -> DataFrame:
-    """Read the table of `count_parts`."""
+    """Read the table of `count_parts`.
+
+    Examples
+    --------
+    >>> len(load_parts()) > 0
+    True
+    """
     return pd.read_csv(path, comment="#", dtype={"levels": str})
