@@ -99,7 +99,7 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .targets import Checkerboard as Checkerboard
     from .targets import Hub as Hub
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _HOME = {
     "DetectionError": "checks",

@@ -1,21 +1,54 @@
 """What every public function demands of its input, and the package's errors."""
 
+from __future__ import annotations
+
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
+
+T = TypeVar("T")
+
 
 class DetectionError(RuntimeError):
-    """A picture does not show what was looked for; the message says what was seen and what to change."""
+    """A picture does not show what was looked for; the message says what was seen and what to change.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pegpose_lab as pl
+    >>> try:
+    ...     pl.find_corners(np.zeros((300, 400), np.uint8), pl.Checkerboard(8, 6, 29.0))
+    ... except pl.DetectionError:
+    ...     print("no board")
+    no board
+    """
 
 
 class CalibrationError(RuntimeError):
-    """The data do not determine the camera; the message says why and what to measure instead."""
+    """The data do not determine the camera; the message says why and what to measure instead.
+
+    Examples
+    --------
+    >>> import pegpose_lab as pl
+    >>> board = pl.Checkerboard(8, 6, 29.0).object_points
+    >>> try:
+    ...     pl.calibrate_zhang([board], [board[:, :2] + 100], (640, 480))
+    ... except pl.CalibrationError as error:
+    ...     print(error)
+    one view of a plane gives two constraints on f_x, f_y, c_x, c_y; add tilted views
+    """
 
 
 @contextmanager
-def undetermined_if_singular():
+def undetermined_if_singular() -> Iterator[None]:
     """As a decorator: numpy's LinAlgError of a matrix that rounding makes singular comes out as `CalibrationError`."""
     try:
         yield
@@ -26,7 +59,7 @@ def undetermined_if_singular():
         ) from error
 
 
-def as_image(image, name="image"):
+def as_image(image: ArrayLike | None, name: str = "image") -> NDArray[np.uint8]:
     """Return `image` as a C-contiguous (height, width) uint8 array.
 
     Raises
@@ -48,7 +81,7 @@ def as_image(image, name="image"):
     return np.ascontiguousarray(array)
 
 
-def as_points(points, dimension, name, minimum=1):
+def as_points(points: ArrayLike | None, dimension: int, name: str, minimum: int = 1) -> NDArray[np.float64]:
     """Return `points` as an (n, dimension) float64 array with n >= minimum and finite values only.
 
     Raises
@@ -76,7 +109,9 @@ def as_points(points, dimension, name, minimum=1):
     return array
 
 
-def as_matched_points(object_points, image_points, minimum=1, view=""):
+def as_matched_points(
+    object_points: ArrayLike, image_points: ArrayLike, minimum: int = 1, view: str = ""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return one view's (n, 3) object points and (n, 2) image points, checked to be of one length.
 
     `view` follows the names of both in messages: "[3]".
@@ -96,7 +131,9 @@ def as_matched_points(object_points, image_points, minimum=1, view=""):
     return object_points, image_points
 
 
-def as_number(value, name, minimum=-np.inf, maximum=np.inf, *, exclusive=False):
+def as_number(
+    value: Any, name: str, minimum: float = -np.inf, maximum: float = np.inf, *, exclusive: bool = False
+) -> float:
     """Return `value` as a finite float within [minimum, maximum] (without the ends if `exclusive`).
 
     Raises
@@ -116,7 +153,7 @@ def as_number(value, name, minimum=-np.inf, maximum=np.inf, *, exclusive=False):
     return number
 
 
-def as_count(value, name, minimum=0, maximum=np.inf):
+def as_count(value: Any, name: str, minimum: float = 0, maximum: float = np.inf) -> int:
     """Return `value` as an int within [minimum, maximum]; a float counts if it is a whole number (8.0).
 
     Raises
@@ -131,7 +168,7 @@ def as_count(value, name, minimum=0, maximum=np.inf):
     return int(value)
 
 
-def as_choice(value, name, choices):
+def as_choice(value: Any, name: str, choices: Iterable[T]) -> T:
     """Return that one of `choices` (strings, numbers) which `value` equals.
 
     Raises
@@ -145,7 +182,7 @@ def as_choice(value, name, choices):
     raise ValueError(f"{name} is {value!r}; expected one of {', '.join(map(repr, choices))}")
 
 
-def as_pose(pose, name):
+def as_pose(pose: RigidTransform, name: str) -> RigidTransform:
     """Return `pose` if it is one `RigidTransform`.
 
     Raises
@@ -158,7 +195,9 @@ def as_pose(pose, name):
     return pose
 
 
-def as_views(object_points, image_points, minimum):
+def as_views(
+    object_points: Sequence[ArrayLike], image_points: Sequence[ArrayLike], minimum: int
+) -> list[list[NDArray[np.float64]]]:
     """Return the points of several views as two lists of checked arrays, (n, 3) and (n, 2), one entry a view.
 
     Raises
@@ -197,6 +236,6 @@ def _demand_sequence(views, name):
         raise ValueError(f"{name} is empty: there is no view; expected a sequence of arrays, one for each view")
 
 
-def outside(image_points, image_size):
+def outside(image_points: NDArray[np.float64], image_size: tuple[int, int]) -> NDArray[np.bool_]:
     """Which image points (n, 2), px, lie more than a pixel outside of an image of (width, height) px: (n,) bool."""
     return np.any((image_points < -1.5) | (image_points > np.array(image_size) + 0.5), axis=1)

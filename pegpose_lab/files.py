@@ -1,17 +1,23 @@
 """The project's folders, and files that are replaced as a whole or not at all."""
 
+from __future__ import annotations
+
 import os
 import secrets
 import stat
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 PROJECT_FOLDER = Path(__file__).resolve().parents[1]
 PAPER_FOLDER = PROJECT_FOLDER / "data" / "paper"
 MEASURED_FOLDER = PROJECT_FOLDER / "data" / "measured"
 
 
-def output_folder():
+def output_folder() -> Path:
     """Folder below which figures/ and data/results/ are written."""
     return Path(os.environ.get("PEGPOSE_OUTPUT") or PROJECT_FOLDER)
 
@@ -22,7 +28,7 @@ def results_folder():
 
 
 @contextmanager
-def replacing(path):
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` if the block succeeds, else remove it.
 
     The file is as a plain `open` would leave it: a link goes on pointing to what is replaced, a file that was there

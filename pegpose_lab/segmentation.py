@@ -1,11 +1,17 @@
 """From a picture to its bright parts: Otsu's threshold, 8-connected components, area filter (Sect. 3.1)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from .checks import DetectionError, as_image, as_number
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 AREA_SHARE = 1e-4  # default min_area as a part of the picture
 BIMODAL = 4.5  # Ashman's D above which a part's grey values are two classes
@@ -32,6 +38,14 @@ class Segmentation:
     boxes : (n, 4) int, px
         x, y, width, height.
     centroids : (n, 2) px
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> image = np.pad(np.full((10, 20), 200, np.uint8), 30, constant_values=50)
+    >>> parts = segment(image)
+    >>> len(parts), parts.areas.tolist(), parts.centroids.tolist()
+    (1, [200], [[39.5, 34.5]])
     """
 
     threshold: float
@@ -42,11 +56,11 @@ class Segmentation:
     boxes: np.ndarray
     centroids: np.ndarray
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.areas)
 
 
-def segment(image, *, min_area=None, threshold=None):
+def segment(image: ArrayLike, *, min_area: float | None = None, threshold: float | None = None) -> Segmentation:
     """Find the bright parts of a picture.
 
     Pixels above Otsu's global threshold are white; 8-connected white parts smaller than `min_area` are
@@ -87,6 +101,17 @@ def segment(image, *, min_area=None, threshold=None):
         If an argument is unusable.
     DetectionError
         If the picture is constant and no threshold is given, or more than 65535 parts are found.
+
+    References
+    ----------
+    N. Otsu, "A threshold selection method from gray-level histograms", IEEE Trans. Systems, Man, and Cybernetics 9(1), 1979.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> image = np.pad(np.full((10, 20), 200, np.uint8), 30, constant_values=50)
+    >>> segment(image).boxes.tolist()  # x, y, width, height
+    [[30, 30, 20, 10]]
     """
     image = as_image(image)
     least = as_number(max(4.0, AREA_SHARE * image.size) if min_area is None else min_area, "min_area", 0.0)

@@ -1,10 +1,16 @@
 """Geometry of what the camera looks at: a checkerboard, and a wheel-hub with pegs (Sect. 4)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .checks import as_count, as_number
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 MOST_PEGS = 14  # that `locate_pegs` can tell apart around a bore
 
@@ -26,25 +32,33 @@ class Checkerboard:
     ------
     ValueError
         If a number is not usable.
+
+    Examples
+    --------
+    >>> board = Checkerboard(columns=3, rows=2, square=10.0)
+    >>> board.object_points.tolist()[:4]
+    [[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [20.0, 0.0, 0.0], [0.0, 10.0, 0.0]]
+    >>> board.center.tolist()
+    [10.0, 5.0, 0.0]
     """
 
     columns: int = 8
     rows: int = 6
     square: float = 29.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("columns", "rows"):
             object.__setattr__(self, name, as_count(getattr(self, name), name, 2))
         as_number(self.square, "square", 0, exclusive=True)
 
     @property
-    def object_points(self):
+    def object_points(self) -> NDArray[np.float64]:
         """(rows * columns, 3) mm, row by row, in the plane z = 0."""
         y, x = np.mgrid[: self.rows, : self.columns] * float(self.square)
         return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 
     @property
-    def center(self):
+    def center(self) -> NDArray[np.float64]:
         """Middle of the corners (3,), mm in the board frame."""
         return self.object_points.mean(axis=0)
 
@@ -64,13 +78,19 @@ class Hub:
     pitch_circle_diameter, peg_radius, peg_height, bore_radius, screw_radius, screw_circle_diameter, radius : float
         mm; `radius` is the base's outer radius.
     screw_angles : tuple of float
-        rad about z from peg 1, at least one: without a screw pegs cannot be labelled; the first belongs to the gap before peg 1.  By default the middles of
-        the gap between the last peg and peg 1, and of the one opposite to it.
+        rad about z from peg 1, at least one: without a screw pegs cannot be labelled; the first belongs to the gap before
+        peg 1.  By default the middles of the gap between the last peg and peg 1, and of the one opposite to it.
 
     Raises
     ------
     ValueError
         If a number is not usable, or parts overlap.
+
+    Examples
+    --------
+    >>> hub = Hub(n_pegs=4, pitch_circle_diameter=100.0, peg_radius=10.0)
+    >>> (hub.peg_centers.round(3) + 0.0).tolist()
+    [[50.0, 0.0, 0.0], [0.0, 50.0, 0.0], [-50.0, 0.0, 0.0], [0.0, -50.0, 0.0]]
     """
 
     n_pegs: int = 4
@@ -83,7 +103,7 @@ class Hub:
     radius: float = 68.0
     screw_angles: tuple = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "n_pegs", as_count(self.n_pegs, "n_pegs", 3, MOST_PEGS))
         for name in ("pitch_circle_diameter", "peg_radius", "bore_radius", "screw_radius", "screw_circle_diameter"):
             as_number(getattr(self, name), name, 0, exclusive=True)
@@ -100,22 +120,22 @@ class Hub:
             raise ValueError(f"peg_radius is {self.peg_radius:g} mm; {self.n_pegs} such pegs overlap on the pitch circle")
 
     @property
-    def peg_angles(self):
+    def peg_angles(self) -> NDArray[np.float64]:
         """(n_pegs,) rad about z: 2 pi (k - 1)/n for peg k."""
         return 2 * np.pi * np.arange(self.n_pegs) / self.n_pegs
 
     @property
-    def peg_centers(self):
+    def peg_centers(self) -> NDArray[np.float64]:
         """Centres of the peg tops (n_pegs, 3), mm in the hub frame, z = 0."""
         return _on_circle(self.pitch_circle_diameter / 2, self.peg_angles, 0.0)
 
     @property
-    def screw_centers(self):
+    def screw_centers(self) -> NDArray[np.float64]:
         """Centres of the screws (n_screws, 3), mm in the hub frame, z = peg_height."""
         return _on_circle(self.screw_circle_diameter / 2, np.asarray(self.screw_angles), self.peg_height)
 
     @property
-    def bore_center(self):
+    def bore_center(self) -> NDArray[np.float64]:
         """Centre of the bore (3,), mm in the hub frame."""
         return np.array([0.0, 0.0, self.peg_height])
 

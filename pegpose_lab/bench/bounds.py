@@ -1,5 +1,7 @@
 """Cramer-Rao bounds of a disc's centre and radius, of the whole edge and of its visible arc."""
 
+from __future__ import annotations
+
 import cv2
 import numpy as np
 from scipy.special import ndtr
@@ -10,7 +12,7 @@ CLEAN_EDGE = 0.05  # of the contrast: what a clean edge may depart from the blur
 # ---- bounds ----
 
 
-def center_bound(radius, contrast, edge_width, noise):
+def center_bound(radius: float, contrast: float, edge_width: float, noise: float) -> float:
     """Cramer-Rao bound, px per axis, of the centre of a whole disc; the radius's is 1/sqrt(2) of it."""
     sigma = np.sqrt(noise**2 + 1 / 12)
     return sigma / contrast * np.sqrt(2 * edge_width / (np.sqrt(np.pi) * radius))

@@ -2,8 +2,8 @@
 
 The peers' settings are documented in `COMPARED` and are the same for every picture.  `tuning` chose them, from grids
 and by a rule that stand there, on frames that the benchmark does not use.  scikit-image and opencv-contrib are not needed
-by anything else: the command ``bench`` installs them.  opencv-contrib cannot live in one environment with OpenCV, so it has a folder and a process of
-its own, which measures its own time.
+by anything else: the command ``bench`` installs them.  opencv-contrib cannot live in one environment with OpenCV, so it
+has a folder and a process of its own, which measures its own time.
 """
 
 from collections.abc import Callable

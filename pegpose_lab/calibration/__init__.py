@@ -1,13 +1,14 @@
 """Calibration: from the corners of one view or of many to a camera, its poses, and how certain they are.
 
 `two_stage` is the paper's method, `joint` least squares of all views, `zhang` the baseline; all return
-`result.Calibration`.  A calibration method is one file here, and one line in the table that `study` and the
-notebooks read.
+`result.Calibration`.  A calibration method is one file here, and one line in the table `methods.CALIBRATION_METHODS` that `study`
+and the notebooks read (.github/CONTRIBUTING.md shows one).
 """
 
 from .joint.calibrate import calibrate_joint
 from .joint.dlt import calibrate_dlt
 from .joint.profile import profile_focal_length, weakest_direction
+from .methods import CALIBRATION_METHODS
 from .pose_of_board import board_pose, board_poses
 from .result import Calibration
 from .two_stage.genes import BOX
@@ -22,6 +23,7 @@ from .zhang import calibrate_zhang
 __all__ = [
     "BOX",
     "Calibration",
+    "CALIBRATION_METHODS",
     "PENALTY",
     "TwoStageObjective",
     "blend_crossover",

@@ -155,7 +155,7 @@ def judge_principal_point(covariance, image_size, freedom):
     """A flag if a 95 % interval of the principal point is longer than `LOOSE_CENTER` of the picture."""
     free = [name for name in ("c_x", "c_y") if name in covariance.index]
     halves = [_half_interval(covariance, name, freedom) for name in free]
-    if all(2 * half <= LOOSE_CENTER * size for half, size in zip(halves, image_size)):
+    if all(2 * half <= LOOSE_CENTER * size for half, size in zip(halves, image_size, strict=False)):
         return ()
     found = " and ".join(f"{name} to +-{half:.3g} px" for name, half in zip(free, halves, strict=True))
     return (f"The views hardly determine the principal point (95 %: {found}): add tilted views, or keep it fixed.",)

@@ -49,6 +49,11 @@ def calibrate_zhang(object_points, image_points, image_size, *, radial=2, tangen
         If the input is unusable.
     CalibrationError
         If there are fewer than two views, or they do not differ enough in their tilt.
+
+    References
+    ----------
+    Z. Zhang, "A flexible new technique for camera calibration", IEEE Transactions on Pattern Analysis and Machine Intelligence
+    22(11), 2000.
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
     radial, tangential = as_count(radial, "radial", 0, 3), bool(as_choice(tangential, "tangential", (False, True)))

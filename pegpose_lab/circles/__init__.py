@@ -1,6 +1,7 @@
 """Circles in a picture by Hough transforms: `find_circles`.
 
-A detector is one file here and one line in its registry: `request.DETECTION_METHODS` names it, `find` calls it.
+A detector is one file here with a function ``find(window, request)``, and one line in the registry `request.DETECTION_METHODS`
+(.github/CONTRIBUTING.md shows one).
 """
 
 from .find import find_circles

@@ -8,35 +8,34 @@ time.  They serve to find circles, `pegpose_lab.discs` to measure them:
     discs = fit_discs(image, find_circles(image, (r_min, r_max)))
 """
 
-from dataclasses import replace
+from __future__ import annotations
 
-import cv2
+import importlib
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..checks import as_count
-from .edges import _Gradient
-from .multiscale import _find_multiscale
-from .own_radius import _of_own_radius
-from .peaks import SMOOTHING, _radius_by_histogram, _radius_by_phase, _regional_peaks
-from .request import _as_grey, _as_request, _windows
+from .request import DETECTION_METHODS, _as_grey, _as_request, _windows
 from .select import _as_circles
-from .volume import _find_in_volume
-from .votes import _vote
 
-LEAST_WIDTH = 16.0  # px, of the range in which votes are cast, whatever range was asked for
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from .select import Circles
 
 
 def find_circles(
-    image,
-    radius_range,
+    image: ArrayLike,
+    radius_range: tuple[float, float],
     *,
-    method="multiscale",
-    polarity="bright",
-    sensitivity=0.85,
-    edge_threshold=None,
-    max_circles=None,
-    regions=None,
-):
+    method: str = "multiscale",
+    polarity: str = "bright",
+    sensitivity: float = 0.85,
+    edge_threshold: float | None = None,
+    max_circles: int | None = None,
+    regions: ArrayLike | None = None,
+) -> Circles:
     """Find circles by a Hough transform.
 
     Parameters
@@ -51,10 +50,11 @@ def find_circles(
         "multiscale" searches each octave of radii on a picture reduced so far (by 1, 2, 4 ...) that they are 5
         to 10 px there (those below 10 px on the picture itself).  Edge points, thinned as Canny does, count from a
         gradient of four standard deviations of the noise on, whatever the contrast above 6 grey values (below, steps
-        that rounding makes of slow shading look the same), and vote along the gradient as in "two-stage".  Around each peak of the votes the radii are tried at which edge points lie all around
-        (24 sectors), and an ellipse is fitted to those points.  The score is the part of the sectors with an edge
-        point within 10 % of the radius of that ellipse, at least 1.55 - sensitivity; where a circle runs along
-        better ones, that part does not count.  Accurate to a few per cent of the radius.
+        that rounding makes of slow shading look the same), and vote along the gradient as in "two-stage".
+        Around each peak of the votes the radii are tried at which edge points lie all around (24 sectors),
+        and an ellipse is fitted to those points.  The score is the part of the sectors with an edge point within 10 %
+        of the radius of that ellipse, at least 1.55 - sensitivity; where a circle runs along better ones, that part
+        does not count.  Accurate to a few per cent of the radius.
 
         For the others see `circle_accumulator`.  The two-dimensional accumulators are smoothed (Gaussian,
         sigma 2 px); centres are the weighted centroids of the 8-connected regional maxima left after
@@ -91,41 +91,36 @@ def find_circles(
     ------
     ValueError
         If an argument is unusable.
+
+    References
+    ----------
+    H. K. Yuen, J. Princen, J. Illingworth and J. Kittler, "Comparative study of Hough transform methods for circle
+    finding", Image and Vision Computing 8(1), 1990 (two-stage).
+    E. R. Davies, "A modified Hough scheme for general circle location", Pattern Recognition Letters 7(1), 1988.
+    T. J. Atherton and D. J. Kerbyson, "Size invariant circle detection", Image and Vision Computing 17(11), 1999
+    (phase-code).
+
+    Examples
+    --------
+    >>> import cv2
+    >>> import numpy as np
+    >>> import pegpose_lab as pl
+    >>> image = np.full((100, 120), 60, np.uint8)
+    >>> image = cv2.GaussianBlur(cv2.circle(image, (70, 40), 20, 200, -1), (0, 0), 1.0)
+    >>> image += np.random.default_rng(0).integers(0, 5, image.shape, np.uint8)
+    >>> circles = find_circles(image, (15, 30))
+    >>> circles.centers.round().tolist(), circles.radii.round().tolist()
+    ([[70.0, 40.0]], [20.0])
+    >>> len(find_circles(image, (15, 30), polarity="dark"))
+    0
     """
     image = _as_grey(image)
     request = _as_request(radius_range, method, polarity, sensitivity, edge_threshold)
     if max_circles is not None:
         max_circles = as_count(max_circles, "max_circles", 1)
+    find = importlib.import_module(f"{__package__}.{DETECTION_METHODS[request.method]}").find
     rows = [np.empty((0, 4))]
     for x0, y0, x1, y1 in _windows(image.shape, regions, request):
-        found = _find(image[y0:y1, x0:x1], request)
+        found = find(image[y0:y1, x0:x1], request)
         rows.append(found + [x0, y0, 0, 0])
     return _as_circles(np.concatenate(rows), image.shape, request, max_circles)
-
-
-# ---------------------------------------------------------------------------------------------------- peaks
-
-
-def _find(window, request):
-    """Rows x, y, r, score of the circles in one window."""
-    if request.method == "multiscale":
-        return _find_multiscale(window, request)
-    gradient = _Gradient(window)
-    if not gradient.magnitude.any():
-        return np.empty((0, 4))
-    if request.method == "accumulator":
-        return _find_in_volume(gradient, request)
-    wide = _widened(request)
-    votes = _vote(gradient, wide)
-    smooth = cv2.GaussianBlur(np.abs(votes), (0, 0), SMOOTHING, borderType=cv2.BORDER_CONSTANT)
-    peaks = _regional_peaks(smooth, max(1 - request.sensitivity, 1e-6))
-    radius = _radius_by_phase if request.method == "phase-code" else _radius_by_histogram
-    # rounded, so that no processor's last digit decides the order of equally good circles
-    rows = [(x, y, radius(votes, gradient, x, y, wide), round(score, 6)) for x, y, score in peaks]
-    return _of_own_radius(gradient, np.array(rows).reshape(-1, 4), request, wide)
-
-
-def _widened(request):
-    """The request with a range of at least LEAST_WIDTH px, so that all of a blurred edge can vote."""
-    more = max(0.5 * (LEAST_WIDTH - (request.r_max - request.r_min)), 0)
-    return replace(request, r_min=max(request.r_min - more, 0.5 * request.r_min), r_max=request.r_max + more)

@@ -10,13 +10,13 @@ from .outlines import BAND, LEAST_VOTES, _best_radii, _edges_near, _fit_outlines
 from .own_radius import _in_range
 
 OCTAVE = 5.0  # px, smallest radius that is searched on a reduced picture; the largest is twice that, or 2.4 times
-NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of the noise, and at all (rounding's is 4)
+NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of noise, and at all (rounding's is 4)
 
 
 # ----------------------------------------------------------------------------------------------- multiscale
 
 
-def _find_multiscale(image, request):
+def find(image, request):
     """Rows x, y, r, score: each octave of radii is searched on a picture of its own (see `find_circles`)."""
     reduction, rows = 1, [np.empty((0, 4))]
     largest = min(request.r_max, min(image.shape))  # larger circles show less than half of their edge

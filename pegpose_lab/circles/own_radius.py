@@ -6,7 +6,14 @@ difference: its points p and unit normals u towards the inside obey p = c - r u,
 radius r.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SECTORS = 24
 ALIGNED = 0.8  # cosine of the largest angle between an edge's normal and the direction of the centre
@@ -16,12 +23,14 @@ WIDTH, STEPS = 0.15, 8  # part of the radius by which the weights fall off; step
 END_TOLERANCE, LEAST_END_TOLERANCE = 0.03, 0.5  # part of the radius, px: the error of a radius at a range's end
 
 
-def end_tolerance(radii):
+def end_tolerance(radii: NDArray[np.float64]) -> NDArray[np.float64]:
     """By how much radii (n,) may lie outside a range and still count as at its end, px."""
     return np.maximum(LEAST_END_TOLERANCE, END_TOLERANCE * np.asarray(radii))
 
 
-def own_radius(points, gradients, circle, reach):
+def own_radius(
+    points: NDArray[np.float64], gradients: NDArray[np.float64], circle: NDArray[np.float64], reach: float
+) -> float:
     """The radius of the edge around a circle.
 
     The edge is looked for at the circle itself first, so that no other edge around it counts.  One farther away

@@ -1,12 +1,39 @@
-"""Maxima of a two-dimensional accumulator, and the radius of the circle at each."""
+"""Maxima of a two-dimensional accumulator, and the circles at them."""
+
+from dataclasses import replace
 
 import cv2
 import numpy as np
 
+from .edges import _Gradient
+from .own_radius import _of_own_radius
+from .votes import _vote
+
+LEAST_WIDTH = 16.0  # px, of the range in which votes are cast, whatever range was asked for
 SMOOTHING = 2.0  # px, sigma of the Gaussian over the 2-D accumulator
 
 
 # ---------------------------------------------------------------------------------------------------- peaks
+
+
+def _find_by_votes(window, request, radius):
+    """Rows x, y, r, score: peaks of the votes along the gradient, the radius of each by `radius`."""
+    gradient = _Gradient(window)
+    if not gradient.magnitude.any():
+        return np.empty((0, 4))
+    wide = _widened(request)
+    votes = _vote(gradient, wide)
+    smooth = cv2.GaussianBlur(np.abs(votes), (0, 0), SMOOTHING, borderType=cv2.BORDER_CONSTANT)
+    peaks = _regional_peaks(smooth, max(1 - request.sensitivity, 1e-6))
+    # rounded, so that no processor's last digit decides the order of equally good circles
+    rows = [(x, y, radius(votes, gradient, x, y, wide), round(score, 6)) for x, y, score in peaks]
+    return _of_own_radius(gradient, np.array(rows).reshape(-1, 4), request, wide)
+
+
+def _widened(request):
+    """The request with a range of at least LEAST_WIDTH px, so that all of a blurred edge can vote."""
+    more = max(0.5 * (LEAST_WIDTH - (request.r_max - request.r_min)), 0)
+    return replace(request, r_min=max(request.r_min - more, 0.5 * request.r_min), r_max=request.r_max + more)
 
 
 def _regional_peaks(surface, h):
@@ -49,30 +76,3 @@ def _flood(surface, flooded, row, column, h):
     cx = weights.sum(axis=0, dtype=float) @ np.arange(x, x + width) / total
     cy = weights.sum(axis=1, dtype=float) @ np.arange(y, y + height) / total
     return cx, cy
-
-
-def _radius_by_phase(votes, _gradient, x, y, request):
-    """Radius from the phase of the votes around a centre (weighted by the smoothing's Gaussian)."""
-    reach = int(3 * SMOOTHING)
-    row, column = int(round(y)), int(round(x))
-    rows = np.arange(max(row - reach, 0), min(row + reach + 1, votes.shape[0]))
-    columns = np.arange(max(column - reach, 0), min(column + reach + 1, votes.shape[1]))
-    down = np.exp(-0.5 * ((rows - y) / SMOOTHING) ** 2)
-    across = np.exp(-0.5 * ((columns - x) / SMOOTHING) ** 2)
-    peak = down @ votes[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] @ across
-    phase = np.angle(peak) % (2 * np.pi)
-    return request.r_min * (request.r_max / request.r_min) ** (phase / (2 * np.pi))
-
-
-def _radius_by_histogram(_votes, gradient, x, y, request):
-    """The whole radius at which the mean gradient in a ring of one pixel's width is largest."""
-    reach = int(np.ceil(request.r_max)) + 1
-    row, column = int(round(y)), int(round(x))
-    rows = np.arange(max(row - reach, 0), min(row + reach + 1, gradient.magnitude.shape[0]))
-    columns = np.arange(max(column - reach, 0), min(column + reach + 1, gradient.magnitude.shape[1]))
-    patch = gradient.magnitude[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    bins = np.rint(np.hypot(columns - x, (rows - y)[:, None])).astype(int).ravel()
-    total, count = np.bincount(bins, patch.ravel()), np.bincount(bins)
-    low, high = int(np.ceil(request.r_min)), int(np.floor(request.r_max))
-    mean = total[low : high + 1] / np.maximum(count[low : high + 1], 1)
-    return float(low + mean.argmax()) if len(mean) else 0.5 * (request.r_min + request.r_max)

@@ -6,7 +6,14 @@ import numpy as np
 
 from ..checks import as_choice, as_image, as_number, as_points
 
-DETECTION_METHODS = ("two-stage", "phase-code", "accumulator", "multiscale")
+DETECTION_METHODS = {
+    "two-stage": "two_stage",
+    "phase-code": "phase_code",
+    "accumulator": "volume",
+    "multiscale": "multiscale",
+}
+"""The registry: a method's name, and the file here whose ``find(window, request)`` returns rows x, y, r, score."""
+
 POLARITIES = ("bright", "dark")
 
 

@@ -1,5 +1,7 @@
 """The circles that are returned: sorted, without duplicates, inside the image and the radius range."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
@@ -11,14 +13,22 @@ from .request import _least_score
 
 @dataclass(frozen=True)
 class Circles:
-    """Circles, the best first: centers (n, 2) px, radii (n,) px, scores (n,); the polarity that was looked for."""
+    """Circles, the best first: centers (n, 2) px, radii (n,) px, scores (n,); the polarity that was looked for.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> circles = Circles(np.array([[70.0, 40.0]]), np.array([20.0]), np.array([1.0]), "bright")
+    >>> len(circles)
+    1
+    """
 
     centers: np.ndarray
     radii: np.ndarray
     scores: np.ndarray
     polarity: str = ""
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.radii)
 
 

@@ -3,13 +3,16 @@
 import cv2
 import numpy as np
 
-from .edges import _thin_edges
+from .edges import _Gradient, _thin_edges
 from .own_radius import _in_range
 from .votes import _draw_circles
 
 
-def _find_in_volume(gradient, request):
+def find(window, request):
     """Rows x, y, r, score: maxima of the 3-D accumulator, held three planes at a time."""
+    gradient = _Gradient(window)
+    if not gradient.magnitude.any():
+        return np.empty((0, 4))
     edges, least = _thin_edges(gradient, request), 1 - request.sensitivity / 2
     empty = np.zeros(edges.shape, np.float32)
     first, last = max(int(np.floor(request.r_min)) - 1, 1), int(np.ceil(request.r_max)) + 1

@@ -1,18 +1,35 @@
 """The accumulators of the classic, two-stage and phase-coding Hough transforms."""
 
+from __future__ import annotations
+
 import math
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from ..checks import as_choice
 from .edges import _Gradient, _thin_edges
 from .request import _as_grey, _as_request
 
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import ArrayLike, NDArray
+
+ACCUMULATORS = ("two-stage", "phase-code", "accumulator")
 RADIUS_STEP = 0.5  # px between the radii of the votes along the gradient
 CHUNK = 500_000  # votes held in memory at a time
 
 
-def circle_accumulator(image, radius_range, *, method="two-stage", polarity="bright", edge_threshold=None):
+def circle_accumulator(
+    image: ArrayLike,
+    radius_range: tuple[float, float],
+    *,
+    method: str = "two-stage",
+    polarity: str = "bright",
+    edge_threshold: float | None = None,
+) -> NDArray[Any]:
     """The votes of a Hough transform, before smoothing.
 
     Parameters
@@ -37,10 +54,21 @@ def circle_accumulator(image, radius_range, *, method="two-stage", polarity="bri
     ------
     ValueError
         If an argument is unusable.
+
+    Examples
+    --------
+    >>> import cv2
+    >>> import numpy as np
+    >>> image = cv2.circle(np.zeros((100, 120), np.uint8), (70, 40), 20, 255, -1)
+    >>> votes = circle_accumulator(image, (18, 22))
+    >>> y, x = np.unravel_index(votes.argmax(), votes.shape)
+    >>> votes.shape, bool(abs(x - 70) <= 1 and abs(y - 40) <= 1)
+    ((100, 120), True)
     """
     image = _as_grey(image)
     if method == "multiscale":
         raise ValueError("method is 'multiscale', which has no one accumulator; expected one of the others")
+    method = as_choice(method, "method", ACCUMULATORS)
     request = _as_request(radius_range, method, polarity, 0.85, edge_threshold)
     if method == "accumulator":
         radii = np.arange(int(np.ceil(request.r_min)), int(np.floor(request.r_max)) + 1)

@@ -4,12 +4,21 @@ OpenCV finds the grid (`grid`); what it is worth is then decided by one fit for 
 and by what lies around the grid (`whole_board`).
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..checks import DetectionError, as_image
 from .fit import fit_corners
 from .grid import candidate_grids, seen_grid
 from .whole_board import check_ends, check_fields
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from ..targets import Checkerboard
 
 WINDOW = 15.0  # px, largest radius of a window: noise falls with it, the pull of edges bent by the lens grows
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
@@ -21,7 +30,7 @@ LARGEST_MISFIT = 0.4  # of the contrast, or 3 times the board's median (noise): 
 SMALLEST_CONTRAST = 0.15  # of the board's median
 
 
-def find_corners(image, board):
+def find_corners(image: ArrayLike, board: Checkerboard) -> NDArray[np.float64]:
     """Find the inner corners of a checkerboard.
 
     Parameters
@@ -53,6 +62,19 @@ def find_corners(image, board):
 
     The search sees the image at fixed sizes (see `grid`), so its time has a bound where there is no board.
     In an image of 12 megapixels, squares below some 12 px may be missed.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> board = pl.Checkerboard(columns=5, rows=4, square=20.0)
+    >>> cam_from_board = RigidTransform.from_components([-40.0, -30.0, 400.0], Rotation.from_rotvec([0.2, 0, 0]))
+    >>> image = pl.render_board(camera, cam_from_board, board, rng=0)
+    >>> corners = pl.find_corners(image, board)
+    >>> error = corners - camera.project(board.object_points, cam_from_board)
+    >>> corners.shape, bool(abs(error).max() < 0.05)
+    ((20, 2), True)
     """
     image = as_image(image)
     if min(board.columns, board.rows) < 3:
@@ -91,7 +113,7 @@ def _seen_size(image):
         return None
     clear = ~_unclear(*_fit(view, grid, passes=1), grid).reshape(grid.shape[:2])
     for _ in range(4):  # OpenCV may count a line along the rim
-        for turn in range(4):
+        for _side in range(4):
             if clear.shape[0] > 3 and clear[0].mean() < 0.6:
                 clear = clear[1:]
             clear = np.rot90(clear)

@@ -204,7 +204,7 @@ def _profile(distance, variance):
         parts[2][sharpened] *= share[sharpened]
         parts[2][sharpened] += (share[sharpened] - 1) / SHARPENING**2 * (sharp[0] - wide[0])
         parts[2][sharpened] += amount * share[sharpened] * (sharp[2] - wide[2])
-        for part, narrower, wider in zip(parts[:2], sharp, wide):
+        for part, narrower, wider in zip(parts[:2], sharp, wide, strict=False):
             part[sharpened] += amount * (narrower - wider)
     return parts
 

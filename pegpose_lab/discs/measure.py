@@ -1,6 +1,9 @@
 """From circles to discs: the fits of a picture, and what is returned of them."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,6 +16,11 @@ from .model import QUANTISATION
 from .refit import NEAR, NEAR_CHI2, _refit
 from .sectors import _sectors
 from .start import _start
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from ..circles import Circles
 
 SAME = 1.0  # px, distance of centres and radii below which two fits are of one disc
 GROUP = 250  # sum of the radii (px) of the discs that are fitted together: their arrays stay in the cache
@@ -41,6 +49,14 @@ class Discs:
     accepted : (n,) bool
     reasons : (n,) str
         Empty where accepted.
+
+    Examples
+    --------
+    >>> import cv2, numpy as np, pegpose_lab as pl
+    >>> image = cv2.circle(np.full((100, 120), 60, np.uint8), (70, 40), 20, 200, -1)
+    >>> discs = pl.fit_discs(image, pl.find_circles(image, (15, 30)))
+    >>> len(discs), discs.centers.shape, discs.sigmas.shape
+    (1, (1, 2), (1, 5))
     """
 
     centers: np.ndarray
@@ -56,15 +72,17 @@ class Discs:
     reasons: np.ndarray
 
     @property
-    def radii(self):
+    def radii(self) -> NDArray[np.float64]:
         """Radius of the circle of equal area, sqrt(a b), px."""
         return np.sqrt(self.semi_axes.prod(axis=1))
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.centers)
 
 
-def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
+def fit_discs(
+    image: ArrayLike, circles: Circles | Discs, *, max_chi2: float = 1.5, max_misfit: float = 0.05
+) -> Discs:
     """Fit a blurred ellipse to the picture around each circle.
 
     Parameters
@@ -103,8 +121,28 @@ def fit_discs(image, circles, *, max_chi2=1.5, max_misfit=0.05):
     (see `_refit`), so that highlights, walls, swarf or hidden parts spoil their own sectors only.  The sigmas
     are scaled by the residual of the fit itself.  They hold for white noise and for levels that change slowly around the
     disc: where the ground changes within some pixels of the edge (a narrow side wall), where values are
-    clipped at 0 or 255, or where the picture was smoothed, compressed or sharpened, errors are larger than stated.  For a circle the angle is undetermined; its sigma is then that
-    of a uniform distribution over half a turn, pi/sqrt(12).
+    clipped at 0 or 255, or where the picture was smoothed, compressed or sharpened, errors are larger than stated.
+    For a circle the angle is undetermined; its sigma is then that of a uniform distribution over half a turn, pi/sqrt(12).
+
+    References
+    ----------
+    J. Heikkila, "Geometric camera calibration using circular control points", IEEE Transactions on Pattern Analysis and
+    Machine Intelligence 22(10), 2000.
+    S. M. Kay, "Fundamentals of Statistical Signal Processing: Estimation Theory", 1993 (maximum likelihood).
+
+    Examples
+    --------
+    >>> import cv2
+    >>> import numpy as np
+    >>> import pegpose_lab as pl
+    >>> image = cv2.circle(np.full((100, 120), 60, np.uint8), (70, 40), 20, 200, -1)
+    >>> image = cv2.GaussianBlur(image, (0, 0), 1.0)
+    >>> image += np.random.default_rng(0).integers(0, 5, image.shape, np.uint8)
+    >>> discs = pl.fit_discs(image, pl.find_circles(image, (15, 30)))
+    >>> discs.centers.round(1).tolist(), discs.radii.round().tolist()
+    ([[70.0, 40.0]], [20.0])
+    >>> bool((discs.sigmas[:, :2] < 0.05).all())
+    True
     """
     image = as_image(image)
     limits = as_number(max_chi2, "max_chi2", 0.0), as_number(max_misfit, "max_misfit", 0.0)

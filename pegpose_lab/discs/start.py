@@ -20,7 +20,8 @@ def _start(image, circles, sign):
     rho = low[:, None] + (circles.r + reach - low)[:, None] * np.linspace(0, 1, RAY_POINTS)
     x = (circles.x[:, None, None] + _RAYS[:, 1, None] * rho[:, None]).reshape(-1, RAY_POINTS)
     y = (circles.y[:, None, None] + _RAYS[:, 2, None] * rho[:, None]).reshape(-1, RAY_POINTS)
-    steps = cv2.sepFilter2D(_interpolated(image, x, y), cv2.CV_32F, _STEP, np.ones(1, np.float32), borderType=cv2.BORDER_REPLICATE)
+    profiles, border = _interpolated(image, x, y), cv2.BORDER_REPLICATE
+    steps = cv2.sepFilter2D(profiles, cv2.CV_32F, _STEP, np.ones(1, np.float32), borderType=border)
     steps = steps.reshape(n, len(_RAYS), RAY_POINTS)
     profile = steps.mean(axis=1)
     steps *= sign or np.sign(np.take_along_axis(profile, np.abs(profile).argmax(axis=1)[:, None], axis=1))[:, None]

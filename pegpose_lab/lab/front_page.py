@@ -49,7 +49,8 @@ def _findings(folder):
     printed_ga, printed_zhang = (paper.printed_numbers().at[name, "printed"] for name in ("E-rms", "E-zhang"))
     lines = [
         f"**The paper.** {claims.summary(claims.claims_table(results.load_values(folder)))} (08)",
-        f"**{printed_ga} px against {printed_zhang} px.** The residual tells of the corners, not of the calibration: the two stages leave "
+        f"**{printed_ga} px against {printed_zhang} px.** The residual tells of the corners, not of the calibration: "
+        "the two stages leave "
         f"{ours:.4f} px with our corners and {whole:.2f} px with corners rounded to whole pixels, where Zhang's method leaves "
         f"{zhang:.2f} px. Several explanations of the printed gap are computed; none is proven. (05, 07, 08)",
         f"**The genetic algorithm** finds the optimum of its box in {default:.0f} of 100 runs on the paper's "

@@ -4,7 +4,10 @@ Each method keeps its colour everywhere (`COLORS`, the Okabe-Ito palette, which 
 apart).  `show_figure` also stores what the figure draws, because nbval does not compare images.
 """
 
+from __future__ import annotations
+
 import base64
+from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,6 +17,14 @@ from matplotlib.patches import Ellipse
 
 from ..files import output_folder, replacing
 from .figure_digest import figure_digest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from typing import Any
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from numpy.typing import ArrayLike
 
 COLORS = {
     "paper": "#000000",
@@ -61,13 +72,15 @@ STYLE = {
 }
 
 
-def figure(width=7.0, height=3.6, rows=1, columns=1, **options):
+def figure(
+    width: float = 7.0, height: float = 3.6, rows: int = 1, columns: int = 1, **options: Any
+) -> tuple[Figure, Any]:
     """Return (figure, axes) in the project's style; width and height in inches."""
     plt.rcParams.update(STYLE)
     return plt.subplots(rows, columns, figsize=(width, height), **options)
 
 
-def save_figure(fig, name):
+def save_figure(fig: Figure, name: str) -> tuple[Path, str]:
     """Write `fig` as figures/<name>.png below the output folder, the paper's figures (``fig..``) as .pdf, too.
 
     The same figure gives the same bytes.  The PNG carries what it draws (`figure_digest`) as its description.
@@ -91,7 +104,7 @@ def save_figure(fig, name):
     return target, drawn
 
 
-def show_figure(fig, name):
+def show_figure(fig: Figure, name: str) -> None:
     """Save `fig` (see `save_figure`) and show the very file in the notebook; the figure is closed.
 
     It is the last call of the one cell that builds a figure.  The output's text, which a reader never sees beside
@@ -108,7 +121,13 @@ def show_figure(fig, name):
     plt.close(fig)
 
 
-def plot_image(ax, image, title=None, *, limits=None):
+def plot_image(
+    ax: Axes,
+    image: ArrayLike,
+    title: str | None = None,
+    *,
+    limits: tuple[float, float, float, float] | None = None,
+) -> None:
     """Show a picture with pixel coordinates; `limits` = (left, right, top, bottom) px to zoom (only that part is drawn)."""
     image = np.asarray(image)
     left, right, top, bottom = (0, image.shape[1] - 1, 0, image.shape[0] - 1) if limits is None else limits
@@ -123,7 +142,7 @@ def _shown_box(shape, left, right, top, bottom):
     """Rows and columns, as slices, of the pixels within limits."""
     first = np.clip(np.floor([top, left]), 0, np.array(shape[:2]) - 1).astype(int)
     last = np.clip(np.ceil([bottom, right]), 0, np.array(shape[:2]) - 1).astype(int)
-    return tuple(slice(low, high + 1) for low, high in zip(first, last))
+    return tuple(slice(low, high + 1) for low, high in zip(first, last, strict=False))
 
 
 def _show_part(ax, part, box, **style):
@@ -133,7 +152,7 @@ def _show_part(ax, part, box, **style):
     ax.imshow(part, interpolation="nearest", extent=extent, **style)
 
 
-def plot_mask(ax, mask, *, color, label=None, alpha=0.75):
+def plot_mask(ax: Axes, mask: ArrayLike, *, color: str, label: str | None = None, alpha: float = 0.75) -> None:
     """Lay a mask over the picture in `ax`, in one colour."""
     mask = np.asarray(mask, bool)
     y, x = np.nonzero(mask)
@@ -145,16 +164,18 @@ def plot_mask(ax, mask, *, color, label=None, alpha=0.75):
     ax.fill([], [], color=color, alpha=alpha, label=label)
 
 
-def plot_circles(ax, centers, radii, *, color=COLORS["genetic"], label=None):
+def plot_circles(
+    ax: Axes, centers: ArrayLike, radii: ArrayLike, *, color: str = COLORS["genetic"], label: str | None = None
+) -> None:
     """Circles with their centres."""
-    for center, radius in zip(np.atleast_2d(centers), np.atleast_1d(radii)):
+    for center, radius in zip(np.atleast_2d(centers), np.atleast_1d(radii), strict=False):
         ax.add_patch(plt.Circle(center, radius, fill=False, color=color, linewidth=1.2))
     ax.plot(*np.atleast_2d(centers).T, "+", color=color, markersize=7, label=label)
 
 
 def plot_ellipses(ax, centers, semi_axes, angles, *, color=COLORS["joint"], label=None):
     """Ellipses with their centres; semi-axes px, angles rad."""
-    for center, (major, minor), angle in zip(centers, semi_axes, angles):
+    for center, (major, minor), angle in zip(centers, semi_axes, angles, strict=False):
         ax.add_patch(Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2))
     ax.plot(*np.atleast_2d(centers).T, "x", color=color, markersize=5, label=label)
 
@@ -177,7 +198,7 @@ def plot_convergence(ax, histories, *, label, color, floor=None):
     ax.set(xlabel="generation", ylabel="best mean distance (px)")
 
 
-def plot_map(ax, x, y, values):
+def plot_map(ax: Axes, x: ArrayLike, y: ArrayLike, values: ArrayLike) -> Any:
     """Filled contours of `values` (len(y), len(x)); returns them for a colour bar."""
     filled = ax.contourf(x, y, values, levels=16, cmap="cividis")
     ax.set_aspect("equal")
@@ -241,7 +262,7 @@ def plot_quadrilateral(ax, corners, *, color, label=None, lengths=None):
     """Closed outline of four or more corners (n, 2) px, with a text at the middle of each side (y down)."""
     ax.plot(*np.vstack([corners, corners[:1]]).T, "o-", color=color, markersize=5, label=label)
     middle = np.mean(corners, axis=0)
-    for text, start, end in zip(lengths or (), corners, np.roll(corners, -1, axis=0)):
+    for text, start, end in zip(lengths or (), corners, np.roll(corners, -1, axis=0), strict=False):
         side = (start + end) / 2
         ax.annotate(text, side + 0.22 * (middle - side), ha="center", va="center", color=color)
     ax.set(xlabel="x (px)", ylabel="y (px)", aspect="equal")

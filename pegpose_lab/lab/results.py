@@ -4,13 +4,24 @@ Everything is written below one folder: the one that the environment variable ``
 the checkout.  A file is written under a temporary name and then renamed, so a reader never meets half a file.
 """
 
+from __future__ import annotations
+
 import io
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from ..checks import as_number
 from ..files import replacing, results_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from os import PathLike
+    from typing import Any
+
+    from pandas import DataFrame, Series
+
 
 
 def read_csv(path, *, as_text=False, **options):
@@ -42,12 +53,12 @@ def write_csv(path, table, *, comment="", float_format=None):
         temporary.write_text(first + body, encoding="utf-8", newline="\n")
 
 
-def save_table(name, table, *, decimals=4):
+def save_table(name: str, table: DataFrame, *, decimals: int = 4) -> None:
     """Write a DataFrame as data/results/<name>.csv and .tex, numbers rounded to `decimals`."""
     write_table(results_folder(), name, table, decimals=decimals)
 
 
-def write_table(folder, name, table, *, decimals=4):
+def write_table(folder: str | PathLike[str], name: str, table: DataFrame, *, decimals: int = 4) -> None:
     """Write a DataFrame as <name>.csv and .tex into `folder`, numbers rounded to `decimals`."""
     folder = Path(folder)
     rounded = table.round(decimals)
@@ -58,7 +69,7 @@ def write_table(folder, name, table, *, decimals=4):
         path.write_text(latex(rounded), encoding="utf-8")
 
 
-def load_table(name):
+def load_table(name: str) -> DataFrame:
     """Read back data/results/<name>.csv, which an earlier notebook saved.
 
     Raises
@@ -72,7 +83,7 @@ def load_table(name):
     return read_csv(path)
 
 
-def save_values(notebook, values, *, digits=6):
+def save_values(notebook: str, values: Mapping[str, float], *, digits: int = 6) -> None:
     """Write our values of printed numbers, {claim id: number}, as data/results/<notebook>_values.csv.
 
     Raises
@@ -85,19 +96,19 @@ def save_values(notebook, values, *, digits=6):
     write_csv(results_folder() / f"{notebook}_values.csv", rows)
 
 
-def load_values(folder=None):
+def load_values(folder: str | PathLike[str] | None = None) -> Series:
     """Read back every saved value below `folder` (data/results by default) as one Series, indexed by claim id."""
     folder = Path(folder) if folder else results_folder()
     tables = [read_csv(path, index_col="id")["ours"] for path in sorted(folder.glob("*_values.csv"))]
     return pd.concat(tables) if tables else pd.Series(dtype=float, name="ours")
 
 
-def latex(table):
+def latex(table: DataFrame) -> str:
     """Return a DataFrame as a booktabs tabular, numbers to six digits."""
     return table.to_latex(index=False, escape=True, float_format="{:g}".format, na_rep="nan")
 
 
-def update_block(path, name, text):
+def update_block(path: str | PathLike[str], name: str, text: str) -> None:
     """Put `text` between the markers ``<!-- name:begin -->`` and ``<!-- name:end -->`` of a Markdown file.
 
     Raises
@@ -110,7 +121,7 @@ def update_block(path, name, text):
         temporary.write_text(updated, encoding="utf-8", newline="\n")
 
 
-def block_is_current(path, name, text):
+def block_is_current(path: str | PathLike[str], name: str, text: str) -> bool:
     """Return whether `update_block` would leave the file as it is; raises as it does."""
     before, updated = _with_block(path, name, text)
     return before == updated
@@ -126,7 +137,7 @@ def _with_block(path, name, text):
     return before, f"{before[:begin]}{begin_mark}\n{text}\n{before[end:]}"
 
 
-def markdown(rows, alignment):
+def markdown(rows: Iterable[Sequence[Any]], alignment: str) -> str:
     """Return a Markdown table; the first of `rows` is the head, `alignment` has an l or r for each column."""
     rules = [{"l": "---", "r": "---:"}[letter] for letter in alignment]
     first, *more = ([str(cell).replace("|", r"\|") for cell in row] for row in rows)

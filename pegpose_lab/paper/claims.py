@@ -29,12 +29,15 @@ span is "not determined", one outside "contradicted".  The intervals of a mean, 
 points for independent, which the paper does not say they are.
 """
 
+from __future__ import annotations
+
 import functools
 import re
 import textwrap
 from fnmatch import fnmatchcase
 from itertools import zip_longest
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -42,6 +45,12 @@ from scipy.special import ndtri, stdtrit
 
 from .. import files, paper
 from ..lab import results
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from os import PathLike
+
+    from pandas import DataFrame, Series
 
 RECOVERED, ARITHMETIC, REPRODUCED = "recovered by construction", "arithmetic of the printed numbers", "reproduced"
 VERDICTS = (RECOVERED, ARITHMETIC, REPRODUCED, "contradicted", "not determined", "input")
@@ -53,7 +62,7 @@ _ROUNDING = 1e-9  # relative; a difference of one printed digit is one digit in 
 _VERDICT_WIDTH, _REASON_WIDTH = 17, 55  # of the terminal table
 
 
-def claims_table(values=None):
+def claims_table(values: Mapping[str, float] | Series | None = None) -> DataFrame:
     """Return a DataFrame with a row for each printed number.
 
     Parameters
@@ -105,7 +114,7 @@ def _check_identifiers(values):
 
 
 @functools.cache
-def known_identifiers():
+def known_identifiers() -> set[str]:
     """Return the ids that a saved value may have: each printed number's, and what the rules need beside them."""
     identifiers = set(paper.printed_numbers().index)
     ranges = [identifier for identifier in identifiers if _rule(identifier)["otherwise"] == "range"]
@@ -184,7 +193,7 @@ def _as_text(table):
     return text
 
 
-def write_claims(results_folder):
+def write_claims(results_folder: str | PathLike[str]) -> DataFrame:
     """Write claims.csv and claims.tex into `results_folder`, from the values saved there; return the table."""
     table = claims_table(results.load_values(results_folder))
     text, folder = _as_text(table), Path(results_folder)
@@ -194,7 +203,7 @@ def write_claims(results_folder):
     return table
 
 
-def summary(table):
+def summary(table: DataFrame) -> str:
     """Return one sentence that counts the verdicts."""
     counts = table["verdict"].value_counts()
     recovered, arithmetic, reproduced, contradicted, open_, inputs = (counts.get(verdict, 0) for verdict in VERDICTS)
@@ -204,7 +213,7 @@ def summary(table):
     )
 
 
-def format_table(table):
+def format_table(table: DataFrame) -> str:
     """Return the table as text for a terminal of 140 columns, grouped by place in the paper."""
     lines = []
     for where, group in _as_text(table).groupby("where", sort=False):
@@ -235,7 +244,7 @@ def _markdown(table):
     return f"{summary(table)}\n\n{rows}"
 
 
-def update_readme(path, table):
+def update_readme(path: str | PathLike[str], table: DataFrame) -> None:
     """Put the table between the markers ``<!-- claims:begin -->`` and ``<!-- claims:end -->`` of a Markdown file.
 
     Raises
@@ -246,7 +255,7 @@ def update_readme(path, table):
     results.update_block(path, "claims", _markdown(table))
 
 
-def readme_is_current(path, table):
+def readme_is_current(path: str | PathLike[str], table: DataFrame) -> bool:
     """Return whether the table between the markers is what `update_readme` would write.
 
     Raises

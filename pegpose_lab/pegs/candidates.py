@@ -19,7 +19,7 @@ def _part_circles(image, segmentation):
     part's shorter side, or smaller.
     """
     found = [np.empty((0, 3))]
-    for area, box in zip(segmentation.areas, segmentation.boxes):
+    for area, box in zip(segmentation.areas, segmentation.boxes, strict=False):
         largest = 1.25 * box[2:].min() / 2
         smallest = max(0.5 * np.sqrt(area / np.pi), largest / 3)
         if largest > smallest + 1:

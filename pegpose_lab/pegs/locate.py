@@ -1,5 +1,9 @@
 """The pegs of a hub in one picture, and what to say when something is missing."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..checks import DetectionError, as_image
@@ -9,8 +13,21 @@ from .labels import _choose, _labellings, _nearest, _screw_places
 from .measure import _measure
 from .rings import _find_rings, _neighbours
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
-def locate_pegs(image, hub, *, previous=None, min_area=None, threshold=None):
+    from ..targets import Hub
+    from .measure import PegObservation
+
+
+def locate_pegs(
+    image: ArrayLike,
+    hub: Hub,
+    *,
+    previous: PegObservation | None = None,
+    min_area: float | None = None,
+    threshold: float | None = None,
+) -> PegObservation:
     """Find a hub's pegs, bore and screws (bright discs) and label them.
 
     Labels run clockwise on the screen (about the hub's z axis, away from the camera) from the gap with the
@@ -39,6 +56,18 @@ def locate_pegs(image, hub, *, previous=None, min_area=None, threshold=None):
     DetectionError
         If a part is missing or a peg's edge cannot be measured, screws fit more than one labelling, or the
         hub turned so far since `previous` that the labels cannot be carried over.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> hub = pl.Hub(n_pegs=4, pitch_circle_diameter=97.05, peg_radius=10.1)
+    >>> cam_from_hub = RigidTransform.from_components([2.0, -1.0, 400.0], Rotation.from_rotvec([0, 0, 0.3]))
+    >>> image = pl.render_hub(camera, cam_from_hub, hub, rng=0)
+    >>> observation = pl.locate_pegs(image, hub)
+    >>> observation.peg_centers.round().tolist()
+    [[111.0, 119.0], [232.0, 55.0], [296.0, 176.0], [175.0, 240.0]]
     """
     image = as_image(image)
     if previous is not None and np.shape(getattr(previous, "peg_centers", None)) != (hub.n_pegs, 2):

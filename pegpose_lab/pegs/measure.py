@@ -34,6 +34,18 @@ class PegObservation:
     flags : tuple of str
         What is wrong with parts that were found but not measured, "screw 2: edge hidden".  Their values are those
         of the Hough transform (to a pixel or two) and their sigmas infinite.  Pegs are always measured.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> hub = pl.Hub(n_pegs=4, pitch_circle_diameter=97.05, peg_radius=10.1)
+    >>> cam_from_hub = RigidTransform.from_components([2.0, -1.0, 400.0], Rotation.from_rotvec([0, 0, 0.3]))
+    >>> image = pl.render_hub(camera, cam_from_hub, hub, rng=0)
+    >>> observation = pl.locate_pegs(image, hub)
+    >>> observation.peg_radii.round().tolist(), observation.flags
+    ([20.0, 20.0, 20.0, 20.0], ())
     """
 
     peg_centers: np.ndarray
@@ -72,7 +84,7 @@ def _measure(image, circles, ring, labelling, hub):
         bore_center=parts[n, :2],
         bore_radius=float(parts[n, 2]),
         bore_sigma=sigmas[n],
-        flags=tuple(f"{name}: {reason}" for name, reason in zip(names, reasons) if reason),
+        flags=tuple(f"{name}: {reason}" for name, reason in zip(names, reasons, strict=False) if reason),
     )
 
 
@@ -101,7 +113,7 @@ def _fit_parts(image, located):
 
 def _check_fits(reasons, names, n_pegs):
     """Raise if a peg could not be measured, or no screw."""
-    failed = [f"{name} ({reason})" for name, reason in zip(names, reasons) if reason]
+    failed = [f"{name} ({reason})" for name, reason in zip(names, reasons, strict=False) if reason]
     if any(reasons[:n_pegs]) or all(reasons[n_pegs + 1 :]):
         raise DetectionError(
             f"{', '.join(failed)}: found, but the edge cannot be measured; clear the view of all pegs and of "

@@ -1,9 +1,19 @@
 """Discs in perspective: the image of a disc, and the disc of an image."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..checks import as_points
 from ..render import disc_outlines
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.spatial.transform import RigidTransform
+
+    from ..camera import OpenCVCamera, TsaiCamera
 
 _RIM_POINTS = 32  # sums over a smooth closed curve converge exponentially: this many reach rounding errors
 
@@ -15,7 +25,9 @@ SETTLED = 1e-10
 """mm: a fixed-point step of `back_project_discs` after which none is needed."""
 
 
-def project_discs(camera, cam_from_object, centers, radii):
+def project_discs(
+    camera: TsaiCamera | OpenCVCamera, cam_from_object: RigidTransform, centers: ArrayLike, radii: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Image of discs that lie in planes z = const of an object's frame.
 
     Parameters
@@ -38,6 +50,20 @@ def project_discs(camera, cam_from_object, centers, radii):
     ------
     ValueError
         If part of a disc lies behind the camera or has no image, or an argument is unusable.
+
+    References
+    ----------
+    J. Heikkila and O. Silven, "A four-step camera calibration procedure with implicit image correction", IEEE Conference
+    on Computer Vision and Pattern Recognition, 1997 (the centre of an ellipse is not the image of the circle's centre).
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> centers, radii = project_discs(camera, RigidTransform.from_translation([0, 0, 400.0]), [[0, 0, 0]], [10.0])
+    >>> centers.round(3).tolist(), radii.round(3).tolist()
+    ([[199.5, 149.5]], [20.0])
     """
     centers = as_points(centers, 3, "centers")
     radii = _as_radii(radii, len(centers), "radii")
@@ -56,7 +82,14 @@ def _derivative(curve):
     return np.fft.irfft(1j * order * np.fft.rfft(curve, axis=1), curve.shape[1], axis=1)
 
 
-def back_project_discs(image_centers, image_radii, camera, cam_from_plane, *, iterations=30):
+def back_project_discs(
+    image_centers: ArrayLike,
+    image_radii: ArrayLike,
+    camera: TsaiCamera | OpenCVCamera,
+    cam_from_plane: RigidTransform,
+    *,
+    iterations: int = 30,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Find the discs in the plane z = 0 of a frame whose images have given centres and radii.
 
     Parameters

@@ -1,6 +1,9 @@
 """Pose of the hub from its pegs (Sect. 3.2): in a known plane, or with all six degrees of freedom."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -8,6 +11,11 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from ..checks import CalibrationError, as_points, as_pose
 from .discs import _as_radii, back_project_discs, project_discs
+
+if TYPE_CHECKING:
+    from ..camera import OpenCVCamera, TsaiCamera
+    from ..pegs import PegObservation
+    from ..targets import Hub
 
 _POLISH_ROUNDS = 5
 
@@ -33,6 +41,18 @@ class HubPose:
         Each peg's measured radius, mm.
     residuals : (n, 2) ndarray
         Projected minus measured centres of the pegs' images, px.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> hub = pl.Hub(n_pegs=4, pitch_circle_diameter=97.05, peg_radius=10.1)
+    >>> cam_from_hub = RigidTransform.from_components([2.0, -1.0, 400.0], Rotation.from_rotvec([0, 0, 0.3]))
+    >>> image = pl.render_hub(camera, cam_from_hub, hub, rng=0)
+    >>> pose = pl.estimate_pose(pl.locate_pegs(image, hub), camera, hub)  # all six numbers
+    >>> pose.cam_from_hub.translation.round().tolist(), bool(pose.rms < 0.1)
+    ([2.0, -1.0, 400.0], True)
     """
 
     cam_from_hub: RigidTransform
@@ -44,12 +64,18 @@ class HubPose:
     residuals: np.ndarray
 
     @property
-    def rms(self):
+    def rms(self) -> float:
         """Root of the mean squared length of the residuals, px."""
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
 
-def estimate_pose(observation, camera, hub, *, plane=None):
+def estimate_pose(
+    observation: PegObservation,
+    camera: TsaiCamera | OpenCVCamera,
+    hub: Hub,
+    *,
+    plane: RigidTransform | None = None,
+) -> HubPose:
     """Estimate the hub's pose from its pegs in one picture.
 
     Parameters
@@ -73,6 +99,26 @@ def estimate_pose(observation, camera, hub, *, plane=None):
         If an argument is unusable, the plane is seen from below, or it is missed by a peg's ray.
     CalibrationError
         If the pegs do not determine a pose.
+
+    References
+    ----------
+    D. Oberkampf, D. F. DeMenthon and L. S. Davis, "Iterative pose estimation using coplanar feature points", Computer Vision
+    and Image Understanding 63(3), 1996 (the two poses of a plane).
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> hub = pl.Hub(n_pegs=4, pitch_circle_diameter=97.05, peg_radius=10.1)
+    >>> cam_from_hub = RigidTransform.from_components([2.0, -1.0, 400.0], Rotation.from_rotvec([0, 0, 0.3]))
+    >>> image = pl.render_hub(camera, cam_from_hub, hub, rng=0)
+    >>> plane = RigidTransform.from_translation([0.0, 0.0, 400.0])  # of the peg tops
+    >>> pose = pl.estimate_pose(pl.locate_pegs(image, hub), camera, hub, plane=plane)
+    >>> round(pose.x, 1), round(pose.y, 1)
+    (2.0, -1.0)
+    >>> round(pose.theta, 2)  # half a turn from 0.3: in one picture, opposite screws leave both
+    -2.84
     """
     centers = as_points(observation.peg_centers, 2, "observation.peg_centers")
     if len(centers) != hub.n_pegs:

@@ -1,11 +1,24 @@
 """Pictures of a checkerboard."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..checks import as_number
 from .raycast import _cast, _outside, _View, expose
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from numpy.typing import NDArray
+    from scipy.spatial.transform import RigidTransform
+
+    from ..camera import OpenCVCamera, TsaiCamera
+    from ..targets import Checkerboard
 
 
 @dataclass(frozen=True)
@@ -18,7 +31,16 @@ class BoardLook:
     margin: float = 0.5  # white rim around the squares, in squares
 
 
-def render_board(camera, cam_from_board, board, *, look=BoardLook(), blur=0.9, noise=2.0, rng=None):
+def render_board(
+    camera: TsaiCamera | OpenCVCamera,
+    cam_from_board: RigidTransform,
+    board: Checkerboard,
+    *,
+    look: BoardLook = BoardLook(),
+    blur: float = 0.9,
+    noise: float | None = 2.0,
+    rng: int | Sequence[int] | np.random.Generator | None = None,
+) -> NDArray[Any]:
     """Render a checkerboard.
 
     Parameters
@@ -41,6 +63,16 @@ def render_board(camera, cam_from_board, board, *, look=BoardLook(), blur=0.9, n
     ------
     ValueError
         If the board lies behind the camera, or a parameter is unusable.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> board = pl.Checkerboard(columns=5, rows=4, square=20.0)
+    >>> image = pl.render_board(camera, RigidTransform.from_translation([-40.0, -30.0, 400.0]), board, rng=0)
+    >>> image.shape, image.dtype
+    ((300, 400), dtype('uint8'))
     """
     blur = as_number(blur, "blur", 0, 100)
     camera.project(board.object_points, cam_from_board)  # raises if a corner is behind the camera

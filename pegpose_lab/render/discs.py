@@ -1,22 +1,40 @@
 """The exact image of a disc: its outline, centroid and area."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..checks import as_count, as_number
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+    from scipy.spatial.transform import RigidTransform
+
+    from ..camera import OpenCVCamera, TsaiCamera
+
 
 @dataclass(frozen=True)
 class TrueDisc:
-    """Exact image of a disc: the centroid (2,) px of its area, the area px^2, and sqrt(area / pi) px."""
+    """Exact image of a disc: the centroid (2,) px of its area, the area px^2, and sqrt(area / pi) px.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> TrueDisc(np.array([10.0, 20.0]), np.pi * 9, 3.0).radius
+    3.0
+    """
 
     centroid: np.ndarray
     area: float
     radius: float
 
 
-def true_disc(camera, cam_from_object, center, radius):
+def true_disc(
+    camera: TsaiCamera | OpenCVCamera, cam_from_object: RigidTransform, center: ArrayLike, radius: float
+) -> TrueDisc:
     """Return the exact image of a disc that lies in a plane z = const of an object's frame.
 
     The centroid is that of the imaged area, which is not the image of the disc's centre.
@@ -33,6 +51,15 @@ def true_disc(camera, cam_from_object, center, radius):
     Returns
     -------
     TrueDisc
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> disc = true_disc(camera, RigidTransform.from_translation([0, 0, 400.0]), [0, 0, 0], 10.0)
+    >>> disc.centroid.round(3).tolist(), round(disc.radius, 3)
+    ([199.5, 149.5], 20.0)
     """
     outline = disc_outline(camera, cam_from_object, center, radius, 2000)
     origin = outline.mean(axis=0)
@@ -44,8 +71,23 @@ def true_disc(camera, cam_from_object, center, radius):
     return TrueDisc(origin + centroid, abs(area), float(np.sqrt(abs(area) / np.pi)))
 
 
-def disc_outline(camera, cam_from_object, center, radius, n_points=100):
-    """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame."""
+def disc_outline(
+    camera: TsaiCamera | OpenCVCamera,
+    cam_from_object: RigidTransform,
+    center: ArrayLike,
+    radius: float,
+    n_points: int = 100,
+) -> NDArray[np.float64]:
+    """Image points (n_points, 2), px, on the rim of a disc that lies in a plane z = const of an object's frame.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> disc_outline(camera, RigidTransform.from_translation([0, 0, 400.0]), [0, 0, 0], 10.0, 4).round(3).tolist()
+    [[219.5, 149.5], [199.5, 169.5], [179.5, 149.5], [199.5, 129.5]]
+    """
     radius = as_number(radius, "radius", 0)
     return disc_outlines(camera, cam_from_object, [center], [radius], as_count(n_points, "n_points", 3))[0]
 

@@ -1,12 +1,25 @@
 """Pictures of a hub: textured base with bore and screws, pegs, highlights and swarf."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..checks import as_choice, as_count, as_number
 from .discs import _bounding_box
 from .raycast import LATTICES, _cast, _dot, _offset, _View, expose
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from numpy.typing import NDArray
+    from scipy.spatial.transform import RigidTransform
+
+    from ..camera import OpenCVCamera, TsaiCamera
+    from ..targets import Hub
 
 
 @dataclass(frozen=True)
@@ -15,6 +28,12 @@ class HubLook:
 
     `texture` is the amplitude of the turning marks on the base, `shading` the relative change of its level
     across the hub's radius, `wall_shading` that of the pegs' side walls around the peg.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> replace(HubLook(), texture=0.0).texture  # a smooth hub, for `render_hub(..., look=...)`
+    0.0
     """
 
     peg: float = 165.0
@@ -29,9 +48,19 @@ class HubLook:
 
 
 def render_hub(
-    camera, cam_from_hub, hub, *, look=HubLook(), blur=0.9, noise=2.0, highlights=0.0, clutter=0, occlusion=0.0,
-    rays=34, rng=None,
-):
+    camera: TsaiCamera | OpenCVCamera,
+    cam_from_hub: RigidTransform,
+    hub: Hub,
+    *,
+    look: HubLook = HubLook(),
+    blur: float = 0.9,
+    noise: float | None = 2.0,
+    highlights: float = 0.0,
+    clutter: int = 0,
+    occlusion: float = 0.0,
+    rays: int = 34,
+    rng: int | Sequence[int] | np.random.Generator | None = None,
+) -> NDArray[Any]:
     """Render a hub: textured base with bore and screws, peg tops, and the pegs' side walls in perspective.
 
     Parameters
@@ -64,6 +93,17 @@ def render_hub(
     ------
     ValueError
         If the hub is behind the camera or seen from below, or a parameter is unusable.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> hub = pl.Hub(n_pegs=4, pitch_circle_diameter=97.05, peg_radius=10.1)
+    >>> cam_from_hub = RigidTransform.from_components([2.0, -1.0, 400.0], Rotation.from_rotvec([0, 0, 0.3]))
+    >>> image = pl.render_hub(camera, cam_from_hub, hub, rng=0)
+    >>> image.shape, image.dtype
+    ((300, 400), dtype('uint8'))
     """
     rng = np.random.default_rng(rng)
     blur = as_number(blur, "blur", 0, 100)

@@ -1,11 +1,20 @@
 """Rays through a camera's pixels: which planes they meet, and the mean grey value of every pixel."""
 
+from __future__ import annotations
+
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from ..checks import as_number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from numpy.typing import NDArray
 
 LATTICES = {34: 21, 144: 89}
 """Rays in a quarter of a pixel at an edge, and the stride of their Fibonacci lattice, even along every direction."""
@@ -132,7 +141,9 @@ def _blur(image, sigma):
     return cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE)
 
 
-def expose(image, noise, rng=None):
+def expose(
+    image: NDArray[np.float32], noise: float | None, rng: int | Sequence[int] | np.random.Generator | None = None
+) -> NDArray[Any]:
     """Add the sensor's noise to a picture, and round it to 8 bits; with noise None return it as it is.
 
     Parameters
@@ -150,6 +161,12 @@ def expose(image, noise, rng=None):
     ------
     ValueError
         If `noise` is unusable.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> expose(np.array([[10.4, 300.0]], np.float32), 0.0).tolist()
+    [[10, 255]]
     """
     if noise is None:
         return image

@@ -1,7 +1,7 @@
 """Studies: third-party data, repeated experiments, and the method beside its rivals.
 
 What loads data, or repeats an experiment many times, is one file here; a method to be compared is one line
-in the table of `baselines`.
+in the table `calibration.CALIBRATION_METHODS`, a rival of the genetic algorithm alone one in that of `baselines`.
 """
 
 from .baselines import DIFFERENTIAL_EVOLUTION, GENETIC, compare, search

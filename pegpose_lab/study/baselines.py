@@ -1,8 +1,11 @@
 """The genetic algorithm's rivals, on the same corners and by the same measures."""
 
+from __future__ import annotations
+
 import time
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -10,13 +13,13 @@ from scipy.optimize import differential_evolution, least_squares, minimize
 
 from ..calibration import (
     BOX,
+    CALIBRATION_METHODS,
     Calibration,
     TwoStageObjective,
     calibrate_dlt,
     calibrate_genetic,
     calibrate_joint,
     calibrate_tsai,
-    calibrate_zhang,
     calibration_at,
 )
 from ..camera import TsaiCamera
@@ -24,7 +27,13 @@ from ..checks import CalibrationError
 from .ga_success import PRINTED
 from .held_out import held_out_distances, leave_one_out
 
-GENETIC, DIFFERENTIAL_EVOLUTION = "GA, genes (m, T_z)", "differential evolution"
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+    from pandas import DataFrame
+
+GENETIC, DIFFERENTIAL_EVOLUTION = CALIBRATION_METHODS["genetic"].label, "differential evolution"
 PARTICLES, PARTICLE_STEPS = 30, 100
 INERTIA, PULL = 0.7298, 1.49618  # Clerc and Kennedy's constriction
 
@@ -32,7 +41,14 @@ INERTIA, PULL = 0.7298, 1.49618  # Clerc and Kennedy's constriction
 # --- rivals ------------------------------------------------------------------------------------------------
 
 
-def compare(object_points, image_points, camera, *, truth=None, rng=0):
+def compare(
+    object_points: Sequence[ArrayLike],
+    image_points: Sequence[ArrayLike],
+    camera: TsaiCamera,
+    *,
+    truth: tuple[float, float] | None = None,
+    rng: int = 0,
+) -> DataFrame:
     """Calibrate with every method and judge all by the same measures.
 
     The single-view methods get view 1 and the principal point of `camera`; Zhang's and the joint one get all views.
@@ -73,13 +89,27 @@ def compare(object_points, image_points, camera, *, truth=None, rng=0):
     return pd.DataFrame(rows, columns=columns)
 
 
-def search(name, object_points, image_points, camera, rng):
+def search(
+    name: str,
+    object_points: ArrayLike,
+    image_points: ArrayLike,
+    camera: TsaiCamera,
+    rng: int | Sequence[int] | np.random.Generator | None,
+) -> tuple[Calibration, float]:
     """Calibrate one view by one of the single-view methods of `compare`.
 
     Returns
     -------
     Calibration, int or NaN
         And the evaluations of the objective.
+
+    Examples
+    --------
+    >>> from pegpose_lab import study
+    >>> name, *view = study.trial_sets()[0]
+    >>> found, evaluations = search("Nelder-Mead", *view, rng=0)
+    >>> bool(found.mean_distance < 0.1), evaluations > 0
+    (True, True)
     """
     method, _ = _RIVALS[name]
     return method(_Setting(object_points, image_points, camera, rng))
@@ -178,16 +208,22 @@ def _direct_linear_transform(setting):
     return calibrate_dlt(*setting.view), np.nan
 
 
-def _zhang(views, camera):
-    return calibrate_zhang(*map(list, zip(*views, strict=True)), camera.image_size, radial=1), np.nan
+def _of_table(name):
+    """A method of `calibration.CALIBRATION_METHODS`, and whether it is for all views."""
+    calibrate = CALIBRATION_METHODS[name]
 
+    def of_one(setting):
+        object_points, image_points, camera = setting.view
+        return calibrate([object_points], [image_points], camera, setting.rng), np.nan
 
-def _joint(views, camera):
-    return calibrate_joint(*map(list, zip(*views, strict=True)), camera), np.nan
+    def of_all(views, camera):
+        return calibrate(*map(list, zip(*views, strict=True)), camera), np.nan
+
+    return (of_all if calibrate.all_views else of_one), calibrate.all_views
 
 
 _RIVALS = {  # name: (method, whether it is for all views)
-    "linear only": (lambda setting: (setting.linear, np.nan), False),
+    CALIBRATION_METHODS["tsai"].label: (lambda setting: (setting.linear, np.nan), False),
     "GA as printed": (lambda setting: _genetic(setting, initialisation="equal", **PRINTED), False),
     "GA corrected": (lambda setting: _genetic(setting, genes="printed"), False),
     GENETIC: (_genetic, False),
@@ -197,9 +233,9 @@ _RIVALS = {  # name: (method, whether it is for all views)
     "least squares of f, T_z, k1": (_three_parameters, False),
     "least squares of one view": (_all_of_one_view, False),
     "direct linear transform": (_direct_linear_transform, False),
-    "Zhang (OpenCV), k1": (_zhang, True),
-    "joint": (_joint, True),
 }
+for _name, _method in CALIBRATION_METHODS.items():  # the rest of the package's own table
+    _RIVALS.setdefault(_method.label, _of_table(_name))
 
 
 def _measures(found, views, truth, pitch):

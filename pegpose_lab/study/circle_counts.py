@@ -1,5 +1,9 @@
 """Discs found and missed in photographs whose discs are known."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 import pandas as pd
@@ -10,6 +14,10 @@ from ..files import MEASURED_FOLDER
 from .datasets import dataset
 from .measured import load_measured, made_by, write_measured
 from .photographs import _grey
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from pandas import DataFrame
 
 SCREWS = ("screws4-a", "*.jpg", (38, 62), "dark")
 SEARCHES = (  # data set, its pictures, radius range (px), polarity; all else is the default
@@ -30,7 +38,7 @@ OFF = 0.8  # of the radius, 40 px for the screws' heads: a circle whose centre i
 ALONE = 1.6  # of the radius: half the side of the cut-out in which a disc is searched by itself
 
 
-def count_circles():
+def count_circles() -> tuple[DataFrame, DataFrame]:
     """Circles that `find_circles` finds in photographs with known counts, with its defaults.
 
     Returns
@@ -105,7 +113,7 @@ def _why(image, place, radii, polarity, circles):
     return "no candidate"
 
 
-def rim_share(image, x, y, r, polarity):
+def rim_share(image: NDArray[np.uint8], x: float, y: float, r: float, polarity: str) -> float:
     """Part of a circle's rim, in 64 directions, where the picture steps by RIM_STEP at least, in `polarity`'s sense."""
     turn = np.arange(64) * (2 * np.pi / 64)
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
@@ -120,7 +128,7 @@ def rim_share(image, x, y, r, polarity):
     return float(np.mean(step >= RIM_STEP))
 
 
-def measure_bits():
+def measure_bits() -> DataFrame:
     """Which of the four places in each photograph of screws4-a hold a screw, by `find_circles`.
 
     Returns

@@ -5,9 +5,12 @@ which it fills from pinned addresses.  data/datasets.csv lists each file with it
 with other bytes is refused wherever it comes from.
 """
 
+from __future__ import annotations
+
 import hashlib
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -17,12 +20,18 @@ from ..checks import as_choice, as_matched_points
 from ..files import PROJECT_FOLDER
 from ..lab import results
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from os import PathLike
+
+    from numpy.typing import ArrayLike, NDArray
+
 REGISTRY = PROJECT_FOLDER / "data" / "datasets.csv"
 _CORNER_COLUMNS = ["view", "i", "X", "Y", "u", "v"]
 _MM_PER_INCH = 25.4
 
 
-def dataset(name):
+def dataset(name: str) -> Path:
     """Return the folder of a third-party data set.
 
     Parameters
@@ -93,7 +102,7 @@ def _download(name, files):
     return folder
 
 
-def load_points(name):
+def load_points(name: str) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], tuple[int, int]]:
     """Return the matched points of a planar data set.
 
     Parameters
@@ -141,7 +150,9 @@ def _load_willson(folder):
     return [points[:, :3].copy()], [points[:, 3:].copy()], (576, 576)
 
 
-def read_corners(path):
+def read_corners(
+    path: str | PathLike[str],
+) -> tuple[list[str], list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     """Read corners of a planar target from a CSV with the columns view, i, X, Y (mm), u, v (px).
 
     Lines that begin with # are comments.
@@ -170,7 +181,13 @@ def read_corners(path):
     return list(views), [objects for objects, _ in matched], [images for _, images in matched]
 
 
-def write_corners(path, names, object_points, image_points, comment):
+def write_corners(
+    path: str | PathLike[str],
+    names: Sequence[str],
+    object_points: Sequence[ArrayLike],
+    image_points: Sequence[ArrayLike],
+    comment: str,
+) -> None:
     """Write corners of a planar target as `read_corners` reads them, below a first line of comment.
 
     Image points are rounded to 1e-5 px.
@@ -196,4 +213,4 @@ def _corner_table(name, object_points, image_points):
     if np.any(objects[:, 2]):
         raise ValueError("object_points leave the plane z = 0; expected a planar target in its own frame")
     columns = [str(name), np.arange(len(objects)), *objects[:, :2].T, *np.round(images, 5).T]
-    return pd.DataFrame(dict(zip(_CORNER_COLUMNS, columns)))
+    return pd.DataFrame(dict(zip(_CORNER_COLUMNS, columns, strict=False)))

@@ -6,7 +6,10 @@ scale of the noise cancels.  `rayleigh_counts` draws that number for independent
 what the paper's two stages leave of normal corner noise: those residuals are neither independent nor of one scale.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -18,6 +21,12 @@ from ..files import MEASURED_FOLDER
 from ..paper import paper_experiment
 from .measured import made_by, write_measured
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+    from pandas import DataFrame
+
 GIVEN = ("mean", "rms")
 """What the limit is a multiple of: the mean of the distances (Eq. 7 as printed), or their root mean square."""
 
@@ -27,13 +36,18 @@ TRIALS = 500
 _BATCH = 4_000_000  # numbers drawn at once
 
 
-def count_below(distances, ratio, given="mean"):
+def count_below(distances: ArrayLike, ratio: float, given: str = "mean") -> NDArray[np.int_]:
     """Return how many of the distances (..., n) lie below `ratio` times their own mean or rms, (...,) int.
 
     Raises
     ------
     ValueError
         If there is no distance, `ratio` is no positive number, or `given` is none of `GIVEN`.
+
+    Examples
+    --------
+    >>> int(count_below([1.0, 2.0, 6.0], 1.0))  # the mean is 3
+    2
     """
     distances, ratio = np.asarray(distances, np.float64), as_number(ratio, "ratio", 0, exclusive=True)
     if distances.ndim == 0 or distances.shape[-1] == 0:
@@ -43,7 +57,9 @@ def count_below(distances, ratio, given="mean"):
     return np.count_nonzero(distances < ratio * scale[..., None], axis=-1)
 
 
-def rayleigh_counts(n, ratio, *, samples=20_000, rng=None):
+def rayleigh_counts(
+    n: int, ratio: float, *, samples: int = 20_000, rng: int | Sequence[int] | np.random.Generator | None = None
+) -> dict[str, NDArray[np.int_]]:
     """Draw samples of n independent Rayleigh distances; count those below `ratio` times their own mean and rms.
 
     Rayleigh's is the distribution of the length of an error that is normal, with one sigma, in both coordinates.
@@ -65,6 +81,12 @@ def rayleigh_counts(n, ratio, *, samples=20_000, rng=None):
     ------
     ValueError
         If an argument is unusable.
+
+    Examples
+    --------
+    >>> counts = rayleigh_counts(48, 1.0, samples=10, rng=0)
+    >>> list(counts), counts["mean"].shape
+    (['mean', 'rms'], (10,))
     """
     n, samples = as_count(n, "n", 1), as_count(samples, "samples", 1)
     rng, rows = np.random.default_rng(rng), max(_BATCH // n, 1)
@@ -75,7 +97,7 @@ def rayleigh_counts(n, ratio, *, samples=20_000, rng=None):
     return dict(zip(GIVEN, np.concatenate(parts, axis=1), strict=True))
 
 
-def two_stage_counts(trials, ratio, *, seed=0):
+def two_stage_counts(trials: Iterable[int], ratio: float, *, seed: int = 0) -> DataFrame:
     """Simulate the paper's two stages; count their residual distances below `ratio` times their own mean and rms.
 
     Each trial adds normal noise to the exact corners of the experiment's boards, calibrates each view alone by both
@@ -115,8 +137,14 @@ def _trial_distances(trial, seed):
         yield np.hypot(*found.residuals[0].T)
 
 
-def printed_ratio():
-    """Return the limit of Fig. 6 over the error of Sect. 5."""
+def printed_ratio() -> float:
+    """Return the limit of Fig. 6 over the error of Sect. 5.
+
+    Examples
+    --------
+    >>> round(printed_ratio(), 3)
+    0.968
+    """
     return paper.printed("F6.limit") / paper.printed("E-rms")
 
 

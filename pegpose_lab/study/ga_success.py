@@ -4,7 +4,10 @@
 ends at the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photographs.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 from zlib import crc32
 
 import numpy as np
@@ -19,6 +22,12 @@ from ..corners import find_corners
 from ..files import MEASURED_FOLDER
 from . import photographs
 from .measured import made_by, write_measured
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from pandas import DataFrame
 
 SEEDS = 100
 REACHED = 1e-4  # px above the optimum that count as reaching it
@@ -37,12 +46,18 @@ VARIANTS = {
 # --- success over seeds ----------------------------------------------------------------------------------
 
 
-def trial_sets():
+def trial_sets() -> list[tuple[Any, ...]]:
     """The views of the trial: name, object_points, image_points, camera.
 
     The paper's view is that of Table 1 with exact corners and 0.025 px of noise; the rendered ones have their corners
     found in the pictures; the real ones are OpenCV's photographs with this project's corners, the principal point in the
     picture's middle.
+
+    Examples
+    --------
+    >>> sets = trial_sets()
+    >>> sets[0][0], len(sets)
+    ("paper's view", 19)
     """
     truth = paper.paper_experiment()
     unknown = replace(truth.camera, focal_length=1.0, kappa1=0.0)
@@ -59,7 +74,14 @@ def trial_sets():
     return sets + [(name, *view, camera) for name, *view in zip(names, object_points, image_points, strict=True)]
 
 
-def success_rates(sets=None, *, variants=tuple(VARIANTS), seeds=SEEDS, workers=2, progress=True):
+def success_rates(
+    sets: list[tuple[Any, ...]] | None = None,
+    *,
+    variants: Sequence[str] = tuple(VARIANTS),
+    seeds: int = SEEDS,
+    workers: int = 2,
+    progress: bool = True,
+) -> DataFrame:
     """How many seeds of each variant end within `REACHED` of the optimum of the box, on each view.
 
     Parameters

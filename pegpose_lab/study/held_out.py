@@ -1,6 +1,9 @@
 """How far a calibration can be trusted: views it has not seen, what it knows of the picture, a wrong model's traces."""
 
+from __future__ import annotations
+
 import re
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -9,10 +12,21 @@ from ..calibration import board_pose
 from ..camera import OpenCVCamera
 from ..checks import CalibrationError, as_count, as_number, as_points
 
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+    from pandas import DataFrame
+
+    from ..calibration import Calibration
+    from ..camera import TsaiCamera
+
 LEAST_IN_RING = 5
 
 
-def held_out_distances(camera, object_points, image_points):
+def held_out_distances(
+    camera: TsaiCamera | OpenCVCamera, object_points: ArrayLike, image_points: ArrayLike
+) -> NDArray[np.float64]:
     """How far a view that a camera was not made from is from its projection when only the view's pose is fitted.
 
     Parameters
@@ -39,7 +53,9 @@ def held_out_distances(camera, object_points, image_points):
     return np.hypot(*(camera.project(object_points, pose) - image_points).T)
 
 
-def leave_one_out(calibrate, object_points, image_points):
+def leave_one_out(
+    calibrate: Callable[..., Calibration], object_points: Sequence[ArrayLike], image_points: Sequence[ArrayLike]
+) -> DataFrame:
     """Calibrate without each view in turn, and fit that view's pose alone through the camera of the others.
 
     Parameters
@@ -61,6 +77,16 @@ def leave_one_out(calibrate, object_points, image_points):
         If there are fewer than three views.
     CalibrationError
         If the others do not determine the camera.
+
+    Examples
+    --------
+    >>> from pegpose_lab import calibrate_joint, paper, study
+    >>> truth = paper.paper_experiment()
+    >>> boards = [truth.board.object_points] * 5
+    >>> images = [truth.camera.project(truth.board.object_points, pose) for pose in truth.cam_from_boards]
+    >>> table = study.leave_one_out(lambda *views: calibrate_joint(*views, truth.camera), boards, images)
+    >>> len(table), bool(table["rms"].max() < 1e-6)  # exact corners
+    (5, True)
     """
     if len(object_points) < 3 or len(object_points) != len(image_points):
         raise ValueError(
@@ -77,7 +103,9 @@ def leave_one_out(calibrate, object_points, image_points):
     return pd.DataFrame(rows, columns=["rms", "mean_distance", "focal_length"])
 
 
-def coverage(image_points, image_size, cells=(8, 6)):
+def coverage(
+    image_points: Sequence[ArrayLike], image_size: tuple[int, int], cells: tuple[int, int] = (8, 6)
+) -> NDArray[np.int_]:
     """Corners in each cell of a grid over the picture; where there are none, the distortion is extrapolated.
 
     Parameters
@@ -98,6 +126,11 @@ def coverage(image_points, image_size, cells=(8, 6)):
     ------
     ValueError
         If the input is unusable, or all points lie outside the picture.
+
+    Examples
+    --------
+    >>> coverage([[[10.0, 10.0], [90.0, 10.0]]], (100, 80), cells=(2, 2)).tolist()
+    [[1, 1], [0, 0]]
     """
     if np.shape(cells) != (2,):
         raise ValueError(f"cells is {cells}; expected two whole numbers, columns and rows")
@@ -113,7 +146,7 @@ def coverage(image_points, image_size, cells=(8, 6)):
     return counts
 
 
-def radial_profile(calibration, image_points, rings=8):
+def radial_profile(calibration: Calibration, image_points: Sequence[ArrayLike], rings: int = 8) -> DataFrame:
     """Mean residual along the radius in rings round the principal point: a wrong distortion model leaves a curve.
 
     Parameters
@@ -135,6 +168,16 @@ def radial_profile(calibration, image_points, rings=8):
     ValueError
         If there are fewer than `LEAST_IN_RING` points in a ring, so also where many have one radius, or other points
         than residuals.
+
+    Examples
+    --------
+    >>> from pegpose_lab import calibrate_joint, paper, study
+    >>> truth = paper.paper_experiment()
+    >>> boards = [truth.board.object_points] * 5
+    >>> images = [truth.camera.project(truth.board.object_points, pose) for pose in truth.cam_from_boards]
+    >>> found = calibrate_joint(boards, images, truth.camera)
+    >>> len(study.radial_profile(found, images, rings=4))
+    4
     """
     from scipy.stats import binned_statistic  # here, for scipy.stats takes the longest of all imports
 
@@ -166,7 +209,11 @@ def radial_profile(calibration, image_points, rings=8):
     return pd.DataFrame(statistics)[["radius", "residual", "sigma", "count"]]
 
 
-def sensitivity(calibrate, object_points, images):
+def sensitivity(
+    calibrate: Callable[..., Calibration],
+    object_points: Sequence[ArrayLike],
+    images: Mapping[str, Sequence[ArrayLike]],
+) -> DataFrame:
     """What the camera owes to the corners' detector: each parameter by several detectors, beside the stated sigma.
 
     Parameters
@@ -197,7 +244,8 @@ def sensitivity(calibrate, object_points, images):
         values = np.array([_parameter(found.camera, column) for column in names])
         first = (values, [found.sigma(column) for column in names]) if first is None else first
         moved = (values - first[0]) / first[1]
-        rows[name] = {"rms": found.rms, **dict(zip(names, values)), **{f"{n} moved": m for n, m in zip(names, moved)}}
+        by_name, moves = (dict(zip(names, numbers, strict=True)) for numbers in (values, moved))
+        rows[name] = {"rms": found.rms, **by_name, **{f"{name} moved": move for name, move in moves.items()}}
     return pd.DataFrame(rows).T.rename_axis("detector").reset_index()
 
 
@@ -206,6 +254,6 @@ def _parameter(camera, name):
     if isinstance(camera, OpenCVCamera):
         matrix = camera.camera_matrix
         known = {"f_x": matrix[0, 0], "f_y": matrix[1, 1], "c_x": matrix[0, 2], "c_y": matrix[1, 2]}
-        return (known | dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.dist_coeffs)))[name]
+        return (known | dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.dist_coeffs, strict=False)))[name]
     known = dict(zip(("c_x", "c_y"), camera.principal_point, strict=True))
     return known[name] if name in known else getattr(camera, name)

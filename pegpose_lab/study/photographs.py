@@ -1,5 +1,9 @@
 """Corners and disc centres in third-party photographs, and how calibrations depend on their detector."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 
@@ -16,6 +20,10 @@ from .held_out import sensitivity
 from .measured import made_by, write_measured
 from .opencv_corners import sub_pixel_corners
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from pandas import DataFrame
+
 CORNERS = "opencv_left_corners"
 LEFT_BOARD = Checkerboard(columns=9, rows=6, square=30.0)
 LEFT_SIZE = (640, 480)
@@ -25,7 +33,7 @@ GRID_PITCH, GRID_SIZE = 34.0, (320, 240)  # mm, px
 GRID_RADIUS = GRID_PITCH / 3  # mm, of a disc
 
 
-def measure_corners():
+def measure_corners() -> tuple[list[str], list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     """Find the corners in the 13 photographs of opencv_left.
 
     Returns
@@ -59,7 +67,7 @@ def _read(path):
     return image
 
 
-def measure_sensitivity():
+def measure_sensitivity() -> DataFrame:
     """The joint calibration of opencv_left by three detectors, see `held_out.sensitivity`.
 
     This project's `find_corners`, and `cv2.cornerSubPix` from there with windows of 11 and 23 px.
@@ -106,12 +114,18 @@ def load_corners(folder=MEASURED_FOLDER):
     image_size : tuple
         (width, height), px.
     names : list of str
+
+    Examples
+    --------
+    >>> object_points, image_points, image_size, names = load_corners()
+    >>> len(names), image_points[0].shape, image_size
+    (13, (54, 2), (640, 480))
     """
     names, object_points, image_points = read_corners(folder / f"{CORNERS}.csv")
     return object_points, image_points, LEFT_SIZE, names
 
 
-def measure_grid():
+def measure_grid() -> tuple[list[str], list[NDArray[np.float64]], list[NDArray[np.float64]]]:
     """Measure the discs of the 6 x 6 grid in the five photographs of visp_circles by `fit_discs`.
 
     `cv2.findCirclesGrid` says only which disc is which.

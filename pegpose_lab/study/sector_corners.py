@@ -5,6 +5,10 @@ moves single corners by up to 0.003 px, enough to count a point on the other sid
 corner detectors therefore read its corners from data/measured/sector_corners.csv.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 
@@ -14,10 +18,13 @@ from ..paper import paper_experiment
 from .datasets import read_corners, write_corners
 from .measured import made_by
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
 NAME = "sector_corners"
 
 
-def find_sector_corners(index):
+def find_sector_corners(index: int) -> NDArray[np.float64]:
     """Return the corners (48, 2), px, of board `index` (0 to 4) in the order of the board's points.
 
     Raises

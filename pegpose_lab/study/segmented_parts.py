@@ -1,5 +1,9 @@
 """How many discs are a part of their own in a segmented picture."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 
@@ -12,11 +16,14 @@ from .datasets import dataset
 from .measured import made_by, write_measured
 from .photographs import _grey
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 PART_OFF, PART_AREA = 0.3, 0.3  # of a disc's radius, and of its area
 HUB_COLUMNS, LIGHTS = (40, 680), (1, 2, 4, 8)  # px, where the rendered hub is; how many times lighter its right side
 
 
-def count_parts():
+def count_parts() -> DataFrame:
     """How many discs `segment` makes a part of its own, and how many Otsu's global threshold alone.
 
     In the photograph of skimage-coins, and, with the pegs as discs, in the rendered frame 1 of the paper's experiment

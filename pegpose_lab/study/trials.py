@@ -1,11 +1,14 @@
 """Repeated calibrations of a camera whose truth is known (Monte Carlo)."""
 
+from __future__ import annotations
+
 import csv
 import io
 import time
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -15,7 +18,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tqdm import tqdm
 
 from .. import paper
-from ..calibration import calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
+from ..calibration import CALIBRATION_METHODS
 from ..camera import TsaiCamera
 from ..checks import CalibrationError, DetectionError, as_choice, as_count, as_number
 from ..corners import find_corners
@@ -25,8 +28,12 @@ from ..paper import Experiment, paper_camera
 from ..render import render_board
 from ..targets import Checkerboard
 
-CALIBRATION_METHODS = ("tsai", "genetic", "zhang", "joint")
-"""Methods of `monte_carlo`; the first two get the first of the views alone, and the true principal point."""
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from os import PathLike
+    from typing import Any
+
+    from pandas import DataFrame
 
 CORNERS = ("simulated", "rendered")
 """Where `monte_carlo` takes its corners from."""
@@ -47,9 +54,18 @@ RENDERED = {"corners": "rendered", "noises": (2.0,), "trials": 200}
 
 
 def monte_carlo(
-    *, corners="simulated", noises=(0.1,), tilts=(30.0,), views=(5,), methods=("joint",), trials=100, seed=0,
-    workers=None, path=None, progress=True,
-):
+    *,
+    corners: str = "simulated",
+    noises: Sequence[float] = (0.1,),
+    tilts: Sequence[float] = (30.0,),
+    views: Sequence[int] = (5,),
+    methods: Sequence[str] = ("joint",),
+    trials: int = 100,
+    seed: int = 0,
+    workers: int | None = None,
+    path: str | PathLike[str] | None = None,
+    progress: bool = True,
+) -> DataFrame:
     """Calibrate the paper's camera, whose truth is known, many times in all combinations of the conditions.
 
     A trial draws its boards from the seed, the tilt, the number of views and its own number, and the noise
@@ -74,7 +90,7 @@ def monte_carlo(
     views : sequence of int
         Number of boards.
     methods : sequence of str
-        Of `CALIBRATION_METHODS`.
+        Of `calibration.CALIBRATION_METHODS`; those of one view get the first alone, and the true principal point.
     trials : int
         Of each combination.
     seed : int
@@ -122,7 +138,9 @@ def monte_carlo(
     return done.set_index([*_KEY]).loc[sorted(wanted)].reset_index()
 
 
-def run_trial(seed, corners, noise, tilt, views, method, trial):
+def run_trial(
+    seed: int, corners: str, noise: float, tilt: float, views: int, method: str, trial: int
+) -> tuple[Any, ...]:
     """One row of `monte_carlo`'s table, as a tuple."""
     camera, board = paper_camera(), Checkerboard(8, 6, paper.printed("setup.pitch"))
     poses = trial_poses(board, tilt, views, [seed, _whole(tilt), views, trial])
@@ -158,7 +176,9 @@ def _see(corners, camera, board, poses, noise, rng):
     return found, float(np.sqrt(np.mean(np.square(np.subtract(found, exact)))))
 
 
-def trial_poses(board, tilt, views, rng):
+def trial_poses(
+    board: Checkerboard, tilt: float, views: int, rng: int | Sequence[int] | np.random.Generator | None
+) -> list[RigidTransform]:
     """Poses of `views` boards, each tilted by `tilt` degrees, about axes spread evenly from a random first one."""
     rng = np.random.default_rng(rng)
     first, poses = rng.uniform(0, 2 * np.pi), []
@@ -174,13 +194,9 @@ def trial_poses(board, tilt, views, rng):
 def _calibrate(method, object_points, image_points, camera, rng):
     """The calibration by a method, and the number of parameters that it fitted."""
     unknown = replace(camera, focal_length=1.0, kappa1=0.0)
-    if method == "tsai":
-        return calibrate_tsai(object_points[0], image_points[0], unknown), 7
-    if method == "genetic":
-        return calibrate_genetic(object_points[0], image_points[0], unknown, rng=rng), 8
-    if method == "zhang":
-        return calibrate_zhang(object_points, image_points, camera.image_size, radial=1), 5 + 6 * len(object_points)
-    return calibrate_joint(object_points, image_points, unknown), 4 + 6 * len(object_points)
+    calibrate = CALIBRATION_METHODS[method]
+    found = calibrate(object_points, image_points, unknown, rng)
+    return found, calibrate.unknowns + 6 * (len(object_points) if calibrate.all_views else 1)
 
 
 def _estimate(found, name, camera):
@@ -205,7 +221,7 @@ def _as_conditions(noises, tilts, views, methods, trials):
     noises = [as_number(noise, "noises", 0) for noise in _as_sequence(noises, "noises")]
     tilts = [as_number(tilt, "tilts", 0, 45) for tilt in _as_sequence(tilts, "tilts")]
     views = [as_count(number, "views", 1) for number in _as_sequence(views, "views")]
-    methods = [as_choice(name, "methods", CALIBRATION_METHODS) for name in _as_sequence(methods, "methods")]
+    methods = [as_choice(name, "methods", tuple(CALIBRATION_METHODS)) for name in _as_sequence(methods, "methods")]
     return list(dict.fromkeys(product(noises, tilts, views, methods, range(as_count(trials, "trials", 1)))))
 
 

@@ -25,7 +25,8 @@ def _start(checkout, arguments, **variables):
     """
     code = (
         "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "import sys; from pathlib import Path; from pegpose_lab import __main__ as commands; from pegpose_lab.lab import environment\n"
+        "import sys; from pathlib import Path; from pegpose_lab import __main__ as commands\n"
+        "from pegpose_lab.lab import environment\n"
         "environment.set_up, environment.VENV = bool, Path(sys.prefix)\n"
         f"commands.CHECKOUT = Path({str(checkout)!r})\n"
         f"sys.exit(commands.main({arguments!r}))"

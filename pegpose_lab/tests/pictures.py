@@ -107,10 +107,7 @@ def random_scene(seed, kind, arrangement, number, polarity, layout, mask):
     blur = rng.choice([0.0, *rng.uniform(0.3, 2.5, 5)])
     picture = draw_quickly(shape, ellipses, background, levels, blur)
     picture = picture if polarity == "bright" else 255 - picture
-    if mask:
-        image = picture > np.mean([picture.min(), picture.max()])
-    else:
-        image = _spoilt(rng, picture, kind)
+    image = picture > np.mean([picture.min(), picture.max()]) if mask else _spoilt(rng, picture, kind)
     image = LAYOUTS[layout](image)
     image.setflags(write=False)
     return Scene(image, np.column_stack([ellipses[:, :2], np.sqrt(ellipses[:, 2] * ellipses[:, 3])]), polarity)

@@ -30,7 +30,8 @@ class TsaiModel:
         self.start_camera, self.free_center, self.two = camera, free_center, two_focal_lengths
         self.coefficient_names = None
         free = [True, two_focal_lengths, True, free_center, free_center]
-        self.names = [name for name, kept in zip(("focal_length", "scale_x", "kappa1", "c_x", "c_y"), free) if kept]
+        every = ("focal_length", "scale_x", "kappa1", "c_x", "c_y")
+        self.names = [name for name, kept in zip(every, free, strict=False) if kept]
         self.columns = np.flatnonzero(free)
 
     @classmethod

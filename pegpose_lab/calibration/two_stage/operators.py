@@ -89,6 +89,11 @@ def blend_crossover(parents, rng, *, alpha=0.75, form="corrected"):
     -------
     (..., n, d) ndarray
         Children; they may lie outside the box.
+
+    References
+    ----------
+    L. J. Eshelman and J. D. Schaffer, "Real-coded genetic algorithms and interval-schemata", Foundations of Genetic
+    Algorithms 2, 1993.
     """
     as_choice(form, "crossover", ("corrected", "printed"))
     alpha = as_number(alpha, "alpha", 0)
@@ -131,6 +136,11 @@ def power_mutation(population, lower, upper, rng, *, index=10.0, rate=0.05, form
     -------
     (..., n, d) ndarray
         A new population.
+
+    References
+    ----------
+    K. Deep and M. Thakur, "A new mutation operator for real coded genetic algorithms", Applied Mathematics and Computation
+    193(1), 2007.
     """
     as_choice(form, "mutation", ("corrected", "printed"))
     index, rate = as_number(index, "mutation_index", 0, exclusive=True), as_number(rate, "mutation_rate", 0, 1)

@@ -50,6 +50,11 @@ def calibrate_tsai(object_points, image_points, camera):
         If the input is unusable.
     CalibrationError
         If the view does not determine f, for instance a plane seen from straight ahead.
+
+    References
+    ----------
+    R. Y. Tsai, "A versatile camera calibration technique for high-accuracy 3D machine vision metrology using off-the-shelf TV
+    cameras and lenses", IEEE Journal of Robotics and Automation 3(4), 1987.
     """
     object_points, image_points = as_matched_points(object_points, image_points, MINIMUM_POINTS)
     demand_tsai(camera)

@@ -37,7 +37,7 @@ def circle_explorer(image, *, radius_range=(20, 60), polarity="bright"):
     def draw(picture, radius_range, sensitivity, method):
         circles = find_circles(small, scale * np.array(radius_range), method=method, polarity=polarity,
                                sensitivity=sensitivity, regions=regions)
-        for center, radius in zip(circles.centers, circles.radii):
+        for center, radius in zip(circles.centers, circles.radii, strict=False):
             _circle(picture, center, radius, 1.0, COLORS["genetic"])
         return _describe_circles(circles, scale)
 
@@ -46,7 +46,7 @@ def circle_explorer(image, *, radius_range=(20, 60), polarity="bright"):
                                 max(min(image.shape) // 4, radius_range[1]), live=False),
         "sensitivity": _slider(ipywidgets.FloatSlider, "sensitivity (0 to 1)", 0.85, 0.0, 1.0, step=0.01,
                                live=False),
-        "method": ipywidgets.Dropdown(options=DETECTION_METHODS, description="method", **_look()),
+        "method": ipywidgets.Dropdown(options=tuple(DETECTION_METHODS), description="method", **_look()),
     })
 
 

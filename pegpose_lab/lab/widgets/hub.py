@@ -77,7 +77,7 @@ def _paint_pegs(picture, scale, seen):
     """Labelled pegs, screws, and line 1 of Fig. 5 from the hub's centre to peg 1."""
     ends = (_place(point, scale) for point in (seen.hub_center, seen.peg_centers[0]))
     cv2.line(picture, *ends, _bgr(COLORS["genetic"]), 2, cv2.LINE_AA, 4)
-    for number, (center, radius) in enumerate(zip(seen.peg_centers, seen.peg_radii), 1):
+    for number, (center, radius) in enumerate(zip(seen.peg_centers, seen.peg_radii, strict=False), 1):
         _circle(picture, center, radius, scale, COLORS["genetic"], str(number))
     for number, center in enumerate(seen.screw_centers, 1):
         _circle(picture, center, 6.0 / scale, scale, COLORS["linear"], f"s{number}")

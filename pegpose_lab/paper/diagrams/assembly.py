@@ -43,7 +43,7 @@ def draw_assembly(ax):
         ("C", "fixed camera", (-62, 26)), ("P", "hub with pegs", (-75, -17)),
     ):
         view.label(poses[letter].translation, f"$\\mathbf{{{letter}}}$  {title}", offset)
-    for (start, end), (bend, share) in zip(TRANSFORMS, _ARROW_SHAPES):
+    for (start, end), (bend, share) in zip(TRANSFORMS, _ARROW_SHAPES, strict=False):
         _transform_arrow(ax, start, end, origins, bend, share)
     view.label(_SHAFT_END, "shaft, turns about $z$", (-12, 0), ha="right")
     view.finish(

@@ -68,7 +68,7 @@ def _draw_camera_frames(view, camera):
     view.line([(0, 0, 0), (0, 0, 300.0)], color=EDGE, linestyle=(0, (6, 2, 1, 2)), linewidth=0.9, zorder=1)
     view.triad(camera_pose, 40.0, zorder=10, names=("$X_c$", "$Y_c$", "$Z_c$"), offsets=((8, -4), (-9, 2), (0, 8)))
     view.triad(world, 48.0, zorder=10, names=("$X_w$", "$Y_w$", "$Z_w$"), offsets=((0, 8), (0, -8), (0, 8)))
-    for end, name, color in zip(image_pose.apply(36.0 * np.eye(3)), ("$X_i$", "$Y_i$"), AXIS_COLORS):
+    for end, name, color in zip(image_pose.apply(36.0 * np.eye(3)), ("$X_i$", "$Y_i$"), AXIS_COLORS, strict=False):
         view.arrow(image_pose.translation, end, color=color, zorder=9)
         view.label(end, name, (0, -8), color=color, bbox=_HALO)
     view.label((0, 0, 0), "$O_c$", (-12, 0))

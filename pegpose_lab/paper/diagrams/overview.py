@@ -36,7 +36,7 @@ def draw_overview(ax):
     )
     for x, heading, steps, color in columns:
         ax.text(x, 0.12, heading, color=color, weight="bold", fontsize=10, va="bottom")
-        for top, step in zip(tops, steps):
+        for top, step in zip(tops, steps, strict=False):
             _draw_step(ax, (x, top - height), (width, height), step, color)
         for top in tops[1:]:
             _arrow(ax, (x + width / 2, top + gap), (x + width / 2, top), color=color, shrinkB=1)

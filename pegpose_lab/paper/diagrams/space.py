@@ -78,7 +78,7 @@ class _View:
     def triad(self, world_from_frame, length, *, zorder, names=None, offsets=((0, 0),) * 3):
         """A frame's three axes in x, y, z colours."""
         ends = world_from_frame.apply(length * np.eye(3))
-        for index, (end, color) in enumerate(zip(ends, AXIS_COLORS)):
+        for index, (end, color) in enumerate(zip(ends, AXIS_COLORS, strict=False)):
             self.arrow(world_from_frame.translation, end, color=color, zorder=zorder, linewidth=1.5)
             if names:
                 self.label(end, names[index], offsets[index], color=color)

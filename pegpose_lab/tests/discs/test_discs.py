@@ -26,7 +26,7 @@ def test_axes_and_angle_have_honest_sigmas():
     truth, discs = _measure(5, ratio=0.8)
     axes = (_stack(discs, "semi_axes") - truth[:, 2:4]) / _stack(discs, "sigmas")[:, 2:4]
     turn = (_stack(discs, "angles") - truth[:, 4] + np.pi / 2) % np.pi - np.pi / 2
-    assert (0.8 < np.sqrt((axes**2).mean(axis=0))).all() and (np.sqrt((axes**2).mean(axis=0)) < 1.2).all()
+    assert (np.sqrt((axes**2).mean(axis=0)) > 0.8).all() and (np.sqrt((axes**2).mean(axis=0)) < 1.2).all()
     assert 0.8 < np.sqrt(((turn / _stack(discs, "sigmas")[:, 4]) ** 2).mean()) < 1.2
 
 

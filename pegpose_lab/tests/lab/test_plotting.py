@@ -221,7 +221,7 @@ def test_residuals(axes):
 def test_convergence(axes):
     histories = [pd.DataFrame({"generation": [0, 1, 2], "best": [1.0, 0.5, 0.2 + seed]}) for seed in range(3)]
     plotting.plot_convergence(axes, histories, label="genetic", color="#D55E00", floor=0.1)
-    for line, history in zip(axes.lines, histories):
+    for line, history in zip(axes.lines, histories, strict=False):
         assert_allclose(line.get_xydata(), history[["generation", "best"]])
     assert axes.lines[3].get_ydata()[0] == 0.1
     assert axes.get_legend_handles_labels()[1] == ["genetic", "optimum in the box"]
@@ -256,7 +256,7 @@ def test_dots(axes):
     plotting.plot_dots(
         axes, ["view 1", "view 2"], values, colors=plotting.COLORS, unit="px", printed=[0.31], logarithmic=True
     )
-    for line, (method, numbers) in zip(axes.lines, values.items()):
+    for line, (method, numbers) in zip(axes.lines, values.items(), strict=False):
         assert_allclose(line.get_xdata(), numbers)
         assert_allclose(line.get_ydata(), [0, 1], atol=0.2)
         assert line.get_color() == plotting.COLORS[method] and line.get_label() == method
@@ -268,7 +268,7 @@ def test_dots(axes):
 def test_profiles(axes):
     x, values = np.linspace(0, 1, 5), {"linear": np.arange(5.0), "genetic": np.ones(5)}
     plotting.plot_profiles(axes, x, values, colors=plotting.COLORS, xlabel="f (mm)", ylabel="E (px)")
-    for line, (method, numbers) in zip(axes.lines, values.items()):
+    for line, (method, numbers) in zip(axes.lines, values.items(), strict=False):
         assert_allclose(line.get_xydata(), np.column_stack([x, numbers]))
         assert line.get_color() == plotting.COLORS[method] and line.get_label() == method
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("f (mm)", "E (px)")

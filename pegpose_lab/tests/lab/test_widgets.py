@@ -1,6 +1,7 @@
 """Explorers: the picture follows the controls, errors are shown and not raised, first pictures are whole PNGs."""
 
 import html
+
 import cv2
 import numpy as np
 import pytest

@@ -62,7 +62,7 @@ def test_every_peg_is_seen_whole_in_every_frame(experiment):
 
 def test_the_hub_only_turns_about_z_and_shifts_along_x(experiment):
     plane_from_cam = experiment.cam_from_plane.inv()
-    for theta, shift, pose in zip(experiment.thetas, experiment.shifts, experiment.cam_from_hubs):
+    for theta, shift, pose in zip(experiment.thetas, experiment.shifts, experiment.cam_from_hubs, strict=False):
         hub = plane_from_cam * pose
         assert hub.translation == pytest.approx([shift, 0, 0], abs=1e-9)
         turn = np.angle(np.exp(1j * (hub.rotation.as_rotvec()[2] - theta)))

@@ -80,7 +80,7 @@ def test_side_walls_lie_between_a_top_and_its_foot():
     feet = CAMERA.project(hub.peg_centers + [0, 0, hub.peg_height], TILTED)
     seen = np.hypot(*(feet - tops).T) > 6
     assert seen.sum() >= 2
-    for center, top, foot in zip(hub.peg_centers[seen], tops[seen], feet[seen]):
+    for center, top, foot in zip(hub.peg_centers[seen], tops[seen], feet[seen], strict=False):
         rim = disc_outline(CAMERA, TILTED, center, hub.peg_radius)
         outermost = rim[np.argmax((rim - top) @ (foot - top))]
         on_wall = outermost + 0.5 * (foot - top)

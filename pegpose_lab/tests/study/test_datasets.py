@@ -177,7 +177,7 @@ def test_real_copies_are_the_pinned_ones(name):
 def test_points_of_real_data(name, views, points):
     object_points, image_points, (width, height) = datasets.load_points(name)
     assert len(object_points) == len(image_points) == views
-    for objects, images in zip(object_points, image_points):
+    for objects, images in zip(object_points, image_points, strict=False):
         assert objects.shape == (points, 3) and images.shape == (points, 2)
         assert not objects[:, 2].any()
         assert np.all((images > 0) & (images < [width, height]))

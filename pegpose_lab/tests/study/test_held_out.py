@@ -65,7 +65,7 @@ def test_rings_that_are_not_filled_are_refused():
 
 def test_a_view_through_the_true_camera_is_the_noise_away():
     points, images = views(0.1)
-    distances = np.concatenate([held_out_distances(CAMERA, *view) for view in zip(points, images)])
+    distances = np.concatenate([held_out_distances(CAMERA, *view) for view in zip(points, images, strict=False)])
     assert distances.shape == (480,) and np.sqrt(np.mean(distances**2)) == pytest.approx(0.1 * np.sqrt(2), rel=0.1)
     assert held_out_distances(CAMERA, BOARD, CAMERA.project(BOARD, POSES[0])).max() < 1e-9
 

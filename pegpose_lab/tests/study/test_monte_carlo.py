@@ -6,17 +6,17 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from pegpose_lab.calibration import CALIBRATION_METHODS
 from pegpose_lab.calibration.joint import misfit
 from pegpose_lab.paper import experiment, paper_camera
 from pegpose_lab.study import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, trials
-from pegpose_lab.study.trials import CALIBRATION_METHODS
 from pegpose_lab.targets import Checkerboard
 
 SMALL = {"noises": (0.05, 0.2), "tilts": (20.0, 30.0), "views": (3,), "trials": 2, "progress": False}
 
 
 def test_a_row_for_each_trial_in_order():
-    table = monte_carlo(**SMALL, methods=CALIBRATION_METHODS)
+    table = monte_carlo(**SMALL, methods=list(CALIBRATION_METHODS))
     assert len(table) == 2 * 2 * 4 * 2 and (table["status"] == "").all()
     keys = table[["seed", "corners", "noise", "tilt", "views", "method", "trial"]]
     pd.testing.assert_frame_equal(keys, keys.sort_values(list(keys)).reset_index(drop=True))
@@ -196,7 +196,7 @@ def test_another_file_is_refused(tmp_path, text):
 
 def test_a_dask_cluster_takes_the_trials_over():
     distributed = pytest.importorskip("dask.distributed", reason="optional: dask is not installed")
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
-        with distributed.Client(cluster), joblib.parallel_config("dask"):
-            table = monte_carlo(**SMALL)
+    local = distributed.LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None)
+    with local as cluster, distributed.Client(cluster), joblib.parallel_config("dask"):
+        table = monte_carlo(**SMALL)
     pd.testing.assert_frame_equal(table, monte_carlo(**SMALL), rtol=1e-9)

@@ -76,7 +76,8 @@ def test_the_horizontal_scale_is_recovered():
 def test_views_with_different_numbers_of_points():
     points, images = five_views(0.0)
     kept = [slice(0, 48 - 7 * view) for view in range(5)]
-    run = calibrate_joint([p[k] for p, k in zip(points, kept)], [q[k] for q, k in zip(images, kept)], CAMERA)
+    seen = ([view[k] for view, k in zip(views, kept, strict=False)] for views in (points, images))
+    run = calibrate_joint(*seen, CAMERA)
     assert run.camera.focal_length == pytest.approx(CAMERA.focal_length, rel=1e-8)
     assert [len(residuals) for residuals in run.residuals] == [48 - 7 * view for view in range(5)]
 

@@ -132,7 +132,7 @@ def test_runs_side_by_side_are_those_one_after_the_other(options):
     )
     for run, centre, start, seed in zip(many, centres, initial, (4, 5, 6), strict=True):
         one = minimize_genetic(
-            lambda population: np.sum((population - centre) ** 2, axis=-1), bounds, rng=seed, initial=start,
+            lambda population, centre=centre: np.sum((population - centre) ** 2, axis=-1), bounds, rng=seed, initial=start,
             generations=20, keep_populations=True, **options,
         )
         assert run.populations == pytest.approx(one.populations, rel=1e-12)

@@ -193,7 +193,7 @@ LINE = np.column_stack([np.arange(8.0), 2 * np.arange(8.0), np.zeros(8)])
         (solve_coplanar, BOARD[:, :2], BOARD[:, :2], "object_points"),
         (solve_coplanar, BOARD, BOARD, "image_points"),
         (solve_coplanar, "points", BOARD[:, :2], "object_points"),
-        (solve_coplanar, np.where(BOARD == BOARD[3], np.nan, BOARD), BOARD[:, :2], "NaN"),
+        (solve_coplanar, np.where(BOARD[3] == BOARD, np.nan, BOARD), BOARD[:, :2], "NaN"),
         (solve_coplanar, LINE, BOARD[:8, :2], "object_points.*one line"),
         (solve_coplanar, BOARD[:12], LINE[:, :2].repeat(2, axis=0)[:12], "image_points.*one line"),
         (solve_coplanar, body(), body()[:, :2], "leave the plane through them"),

@@ -64,7 +64,7 @@ def test_one_unit_of_the_last_digit_and_no_more(value, digits, steps):
 
 
 def test_text_of_an_output_compares_like_its_numbers():
-    assert PrintedText("f = 1.25") == "f = 1.26" and not PrintedText("f = 1.25") != "f = 1.26"
+    assert PrintedText("f = 1.25") == "f = 1.26" and not PrintedText("f = 1.25") != "f = 1.26"  # noqa: SIM202
     assert PrintedText("f = 1.25") != "f = 1.27"
     assert PrintedText("f = 1.25") != 1.25
 
