@@ -79,6 +79,7 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .calibration import profile_focal_length as profile_focal_length
     from .calibration import weakest_direction as weakest_direction
     from .camera import OpenCVCamera as OpenCVCamera
+    from .camera import Sensor as Sensor
     from .camera import TsaiCamera as TsaiCamera
     from .checks import CalibrationError as CalibrationError
     from .checks import DetectionError as DetectionError
@@ -104,6 +105,7 @@ __version__ = "0.1.0"
 _HOME = {
     "DetectionError": "checks",
     "CalibrationError": "checks",
+    "Sensor": "camera",
     "TsaiCamera": "camera",
     "OpenCVCamera": "camera",
     "Checkerboard": "targets",

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from ..camera import OpenCVCamera, TsaiCamera
+from ..camera import OpenCVCamera, Sensor
 from ..checks import CalibrationError, as_choice, as_count, as_views, undetermined_if_singular
 from .joint.fitting import fit_at
 from .joint.misfit import judge_misfit
@@ -52,7 +52,7 @@ def calibrate_zhang(object_points, image_points, image_size, *, radial=2, tangen
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
     radial, tangential = as_count(radial, "radial", 0, 3), bool(as_choice(tangential, "tangential", (False, True)))
-    size = TsaiCamera(1.0, image_size=image_size).image_size
+    size = Sensor((1.0, 1.0), (0.0, 0.0), image_size).image_size
     for view, points in enumerate(object_points):
         if not is_planar(points):
             raise ValueError(
@@ -107,7 +107,7 @@ def _opencv_calibration(object_points, image_points, size, radial, tangential):
 def _fit_of(camera, poses, object_points, image_points, radial, tangential):
     """OpenCV's solution as a `Fit`: its parameters and their covariance."""
     names = ["k1", "k2"][:radial] + ["p1", "p2"] * tangential + ["k3"] * (radial == 3)
-    model = lens_model(TsaiCamera(1.0, image_size=camera.image_size), True, True, names)
+    model = lens_model(Sensor((1.0, 1.0), (0.0, 0.0), camera.image_size), True, True, names)
     coefficients = dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.dist_coeffs, strict=True))
     shared = [*np.diag(camera.camera_matrix)[:2], *camera.camera_matrix[:2, 2], *(coefficients[name] for name in names)]
     views = Views.stack(object_points, image_points)

@@ -1,13 +1,16 @@
 """The paper's camera (Fig. 4, Eq. 3), in sensor coordinates."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..checks import as_number
 from .opencv import OpenCVCamera
-from .pinhole import UNKNOWN_SIZE, _as_pair, _as_size, _Camera
+from .pinhole import UNKNOWN_SIZE, _Camera
 from .radial import distort_radius, max_undistorted_radius
+from .sensor import Sensor, _Pixels
 
 OPENCV_PLAIN, OPENCV_LIMIT = 1e-3, 0.05
 """px: how far OpenCV's model with 5 and with 8 coefficients may be from a `TsaiCamera` in its picture."""
@@ -17,7 +20,7 @@ RATIO_ROUNDS = 4
 
 
 @dataclass(frozen=True)
-class TsaiCamera(_Camera):
+class TsaiCamera(_Pixels, _Camera):
     """The paper's camera (Fig. 4, Eq. 3).
 
     Parameters
@@ -49,25 +52,15 @@ class TsaiCamera(_Camera):
     scale_x: float = 1.0
 
     def __post_init__(self):
-        for name in ("focal_length", "scale_x"):
-            object.__setattr__(self, name, as_number(getattr(self, name), name, 0, exclusive=True))
+        object.__setattr__(self, "focal_length", as_number(self.focal_length, "focal_length", 0, exclusive=True))
         object.__setattr__(self, "kappa1", as_number(self.kappa1, "kappa1"))
-        object.__setattr__(self, "pixel_pitch", _as_pair(self.pixel_pitch, "pixel_pitch", 0))
-        object.__setattr__(self, "principal_point", _as_pair(self.principal_point, "principal_point"))
-        object.__setattr__(self, "image_size", _as_size(self.image_size))
+        for name, value in vars(self.sensor).items():  # checked there
+            object.__setattr__(self, name, value)
 
     @property
-    def pixels_per_mm(self):
-        """(s_x / d_x, 1 / d_y), px/mm."""
-        return np.array([self.scale_x, 1.0]) / self.pixel_pitch
-
-    def to_sensor(self, image_points):
-        """Image px to distorted sensor coordinates (x_d, y_d), mm from the principal point."""
-        return (np.asarray(image_points, np.float64) - self.principal_point) / self.pixels_per_mm
-
-    def to_image(self, sensor_points):
-        """Distorted sensor coordinates (x_d, y_d), mm, to image px (x_f, y_f): the inverse of `to_sensor`."""
-        return np.asarray(sensor_points, np.float64) * self.pixels_per_mm + self.principal_point
+    def sensor(self) -> Sensor:
+        """What was known of the camera before it was calibrated: all but f and kappa1."""
+        return Sensor(self.pixel_pitch, self.principal_point, self.image_size, self.scale_x)
 
     def undistort(self, sensor_points):
         r"""Eq. 3: :math:`(x_u, y_u) = (x_d, y_d)(1 + \kappa_1 r^2)`, :math:`r^2 = x_d^2 + y_d^2`; mm."""
@@ -168,7 +161,8 @@ def _ratio(radius, above, below):
     return (1 + powers @ above) / (1 + powers[:, : len(below)] @ below)
 
 
-def demand_tsai(camera):
-    """Raise ValueError if the camera is not a `TsaiCamera`."""
-    if not isinstance(camera, TsaiCamera):
-        raise ValueError(f"camera is {type(camera).__name__}; expected a TsaiCamera")
+def as_sensor(camera: Sensor | TsaiCamera) -> Sensor:
+    """What is known before a calibration, of a `Sensor` or of a `TsaiCamera`; ValueError if it is neither."""
+    if not isinstance(camera, (Sensor, TsaiCamera)):
+        raise ValueError(f"camera is {type(camera).__name__}; expected a Sensor or a TsaiCamera")
+    return camera if isinstance(camera, Sensor) else camera.sensor

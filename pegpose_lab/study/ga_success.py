@@ -4,7 +4,6 @@
 the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photographs.
 """
 
-from dataclasses import replace
 from zlib import crc32
 
 import numpy as np
@@ -14,7 +13,7 @@ from tqdm import tqdm
 
 from .. import paper
 from ..calibration import optimum_in_box, repeat_calibration
-from ..camera import TsaiCamera
+from ..camera import Sensor
 from ..corners import find_corners
 from ..files import replacing
 from . import photographs
@@ -46,7 +45,7 @@ def trial_sets():
     picture's middle.
     """
     truth = paper.paper_experiment()
-    unknown = replace(truth.camera, focal_length=1.0, kappa1=0.0)
+    unknown = truth.camera.sensor
     board = truth.board.object_points
     world = truth.world_from_board.apply(board)
     exact = truth.camera.project(world, paper.paper_pose())
@@ -56,8 +55,8 @@ def trial_sets():
         (f"rendered view {k + 1}", board, find_corners(truth.board_image(k), truth.board), unknown) for k in range(5)
     ]
     object_points, image_points, (width, height), names = photographs.load_corners()
-    camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), (width, height))
-    return sets + [(name, *view, camera) for name, *view in zip(names, object_points, image_points, strict=True)]
+    sensor = Sensor((1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), (width, height))
+    return sets + [(name, *view, sensor) for name, *view in zip(names, object_points, image_points, strict=True)]
 
 
 def success_rates(sets=None, *, variants=tuple(VARIANTS), seeds=SEEDS, workers=2, progress=True):

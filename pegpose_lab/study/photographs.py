@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 
 from ..calibration import calibrate_joint
-from ..camera import TsaiCamera
+from ..camera import Sensor
 from ..checks import DetectionError
 from ..circles import find_circles
 from ..corners import find_corners
@@ -78,8 +78,8 @@ def measure_sensitivity():
             for path, seen in zip(paths, corners, strict=True)
         ]
     width, height = LEFT_SIZE
-    camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), LEFT_SIZE)
-    return sensitivity(lambda *views: calibrate_joint(*views, camera), object_points, images)
+    sensor = Sensor((1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), LEFT_SIZE)
+    return sensitivity(lambda *views: calibrate_joint(*views, sensor), object_points, images)
 
 
 def load_sensitivity(path=FOLDER / SENSITIVITY_FILE):

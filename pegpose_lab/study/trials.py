@@ -3,7 +3,6 @@
 import csv
 import io
 import time
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -173,7 +172,7 @@ def trial_poses(board, tilt, views, rng):
 
 def _calibrate(method, object_points, image_points, camera, rng):
     """The calibration by a method, and the number of parameters that it fitted."""
-    unknown = replace(camera, focal_length=1.0, kappa1=0.0)
+    unknown = camera.sensor
     if method == "tsai":
         return calibrate_tsai(object_points[0], image_points[0], unknown), 7
     if method == "genetic":

@@ -39,7 +39,7 @@ def _judge(fit, object_points):
     largest = _demand_tilt(fit, object_points)
     value, name, unit = fit.state.shared[0], fit.model.names[0], fit.model.unit
     flags = judge_focal_length(fit.covariance, name, value, unit, fit.freedom)
-    flags += judge_principal_point(fit.covariance, fit.model.start_camera.image_size, fit.freedom)
+    flags += judge_principal_point(fit.covariance, fit.model.sensor.image_size, fit.freedom)
     if _is_suspect(fit, largest):
         share = _demand_signal(fit)
         _demand_ends(fit)

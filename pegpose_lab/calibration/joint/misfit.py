@@ -78,7 +78,7 @@ def _candidates(model):
     missing = [name for name in ("k1", "k2", "k3") if name not in known]
 
     def richer(coefficients=named, two=model.two, free_center=model.free_center):
-        return lens_model(model.start_camera, free_center, two, coefficients)
+        return lens_model(model.sensor, free_center, two, coefficients)
 
     found = []
     for number in range(1, len(missing) + 1):
@@ -173,7 +173,7 @@ def _further_columns(fit):
     """Derivatives (V m, 2) of the image by what a richer model may have, by name."""
     turned = fit.views.points @ fit.state.rotations.transpose(0, 2, 1) + fit.state.positions[:, None]
     points = turned.reshape(-1, 3)
-    model = OpenCVModel(fit.model.start_camera, True, True, COEFFICIENTS)
+    model = OpenCVModel(fit.model.sensor, True, True, COEFFICIENTS)
     by_shared = model.project(np.concatenate(_in_pixels(fit)), points)[1]
     columns = {name: by_shared[:, :, index] for index, name in enumerate(model.names) if name != "f_x"}
     columns["k4"] = columns["k3"] * np.sum((points[:, :2] / points[:, 2:]) ** 2, axis=1, keepdims=True)
@@ -191,7 +191,7 @@ def _in_pixels(fit):
 def _compared(fit, model):
     """f in the unit of a model, and the principal point in px, (3,), of a fit of any model."""
     (f_x, f_y), center, _ = _in_pixels(fit)
-    f = f_y * model.start_camera.pixel_pitch[1] if isinstance(model, TsaiModel) else f_x
+    f = f_y * model.sensor.pixel_pitch[1] if isinstance(model, TsaiModel) else f_x
     return np.array([f, *center])
 
 

@@ -1,11 +1,15 @@
 """The best that stage 2 can find: the optimum in the box of Eq. 5, by scanning and narrowing."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
+from ...camera import Sensor, TsaiCamera
 from ...checks import CalibrationError, as_number, undetermined_if_singular
 from ..result import Calibration
 from .flags import _allowed_f, _edge_flags
@@ -25,7 +29,9 @@ COARSE, FINE = 8, 25
 
 
 @undetermined_if_singular()
-def optimum_in_box(object_points, image_points, camera, *, box=BOX):
+def optimum_in_box(
+    object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera, *, box: float = BOX
+) -> Calibration:
     r"""The best that stage 2 can find: the smallest Eq. 7 in the box of Eq. 5, without chance.  Judge the GA by it.
 
     The search has two unknowns, so it can be done in one: over T_z, of

@@ -4,13 +4,18 @@ Stage 1 is `calibrate_tsai` (the algebra is in `tsai`), stage 2 `calibrate_genet
 `genetic`); between them lies `TwoStageObjective`, Eqs. 6 and 7 for many chromosomes at once.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from ...camera import demand_tsai
+from ...camera import Sensor, TsaiCamera, as_sensor
 from ...checks import CalibrationError, as_matched_points, as_number, undetermined_if_singular
 from ..joint.starts import demand_views
 from ..planes import is_planar
@@ -26,7 +31,7 @@ SIDE_BY_SIDE = 8
 
 
 @undetermined_if_singular()
-def calibrate_tsai(object_points, image_points, camera):
+def calibrate_tsai(object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera) -> Calibration:
     """Stage 1: Tsai's linear calibration of one view, without distortion (Table 1, "linear").
 
     Parameters
@@ -36,8 +41,8 @@ def calibrate_tsai(object_points, image_points, camera):
         `solve_noncoplanar`, which also corrects scale_x.
     image_points : (n, 2) array_like
         px.
-    camera : TsaiCamera
-        Gives pixel pitch, principal point, image size and scale_x; its f and kappa1 are not used.
+    camera : Sensor or TsaiCamera
+        Gives pixel pitch, principal point, image size and scale_x; f and kappa1 of a camera are not used.
 
     Returns
     -------
@@ -52,13 +57,11 @@ def calibrate_tsai(object_points, image_points, camera):
         If the view does not determine f, for instance a plane seen from straight ahead.
     """
     object_points, image_points = as_matched_points(object_points, image_points, MINIMUM_POINTS)
-    demand_tsai(camera)
-    demand_views([object_points], [image_points], camera.image_size)
+    sensor = as_sensor(camera)
+    demand_views([object_points], [image_points], sensor.image_size)
     solve = solve_coplanar if is_planar(object_points) else solve_noncoplanar
-    solution = solve(object_points, camera.to_sensor(image_points))
-    camera = replace(
-        camera, focal_length=solution.focal_length, kappa1=0.0, scale_x=camera.scale_x * solution.scale_x
-    )
+    solution = solve(object_points, sensor.to_sensor(image_points))
+    camera = replace(sensor, scale_x=sensor.scale_x * solution.scale_x).camera(solution.focal_length)
     pose = RigidTransform.from_components(solution.translation, solution.rotation)
     residuals = camera.project(object_points, pose) - image_points
     return Calibration(camera, [pose], [residuals], solution.flags)
@@ -66,8 +69,16 @@ def calibrate_tsai(object_points, image_points, camera):
 
 @undetermined_if_singular()
 def calibrate_genetic(
-    object_points, image_points, camera, *, rng=None, box=BOX, kappa1="shared", genes="magnification", **options
-):
+    object_points: ArrayLike,
+    image_points: ArrayLike,
+    camera: Sensor | TsaiCamera,
+    *,
+    rng: Any = None,
+    box: float = BOX,
+    kappa1: str = "shared",
+    genes: str = "magnification",
+    **options: Any,
+) -> Calibration:
     r"""Both stages of the paper for one view: Tsai's linear solution, then the genetic algorithm.
 
     Stage 2 searches (f, T_z) within +-`box` of the linear values (Eq. 5) for the smallest mean distance
@@ -107,8 +118,16 @@ def calibrate_genetic(
 
 
 def repeat_calibration(
-    object_points, image_points, camera, rngs, *, box=BOX, kappa1="shared", genes="magnification", **options
-):
+    object_points: ArrayLike,
+    image_points: ArrayLike,
+    camera: Sensor | TsaiCamera,
+    rngs: Sequence[Any],
+    *,
+    box: float = BOX,
+    kappa1: str = "shared",
+    genes: str = "magnification",
+    **options: Any,
+) -> list[Calibration]:
     """`calibrate_genetic` for many runs side by side, which takes a fraction of the time of one after the other.
 
     Parameters
