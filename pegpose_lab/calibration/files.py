@@ -48,7 +48,7 @@ def read_calibration(path):
 
 def _as_camera_info(camera):
     """ROS's camera_info of a camera, as its camera_calibration package writes it."""
-    camera = camera.to_opencv() if isinstance(camera, TsaiCamera) else camera
+    camera = camera.to_opencv()
     coefficients = np.resize(camera.dist_coeffs, max(camera.dist_coeffs.size, 5))
     coefficients[camera.dist_coeffs.size :] = 0
     if coefficients.size not in ROS_MODELS:

@@ -174,9 +174,9 @@ def judge_image_size(camera, image_points):
             f"Points of view{'s' * (len(views) > 1)} {', '.join(views)} (counted from 0) lie outside of the image of "
             f"{width} x {height} px: is image_size (width, height) right?",
         )
-    center = camera.principal_point if isinstance(camera, TsaiCamera) else camera.camera_matrix[:2, 2]
+    center = camera.principal_point
     middle, swapped = (np.subtract(size, 1) / 2 for size in (camera.image_size, camera.image_size[::-1]))
-    if np.linalg.norm(center - swapped) >= SWAPPED * np.linalg.norm(swapped - middle):
+    if np.linalg.norm(np.subtract(center, swapped)) >= SWAPPED * np.linalg.norm(swapped - middle):
         return ()
     return (
         f"The principal point ({center[0]:.0f}, {center[1]:.0f}) px is that of an image of {height} x {width} px: "

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..checks import as_number
 from .opencv import OpenCVCamera
@@ -45,13 +46,13 @@ class TsaiCamera(_Pixels, _Camera):
     """
 
     focal_length: float
-    pixel_pitch: tuple = (1.0, 1.0)
-    principal_point: tuple = (0.0, 0.0)
-    image_size: tuple = UNKNOWN_SIZE
+    pixel_pitch: tuple[float, float] = (1.0, 1.0)
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    image_size: tuple[int, int] = UNKNOWN_SIZE
     kappa1: float = 0.0
     scale_x: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "focal_length", as_number(self.focal_length, "focal_length", 0, exclusive=True))
         object.__setattr__(self, "kappa1", as_number(self.kappa1, "kappa1"))
         for name, value in vars(self.sensor).items():  # checked there
@@ -62,13 +63,20 @@ class TsaiCamera(_Pixels, _Camera):
         """What was known of the camera before it was calibrated: all but f and kappa1."""
         return Sensor(self.pixel_pitch, self.principal_point, self.image_size, self.scale_x)
 
-    def undistort(self, sensor_points):
+    @property
+    def parameters(self) -> dict[str, float]:
+        """focal_length, mm, scale_x, kappa1, mm^-2, c_x and c_y, px."""
+        c_x, c_y = self.principal_point
+        own = {name: getattr(self, name) for name in ("focal_length", "scale_x", "kappa1")}
+        return own | {"c_x": c_x, "c_y": c_y}
+
+    def undistort(self, sensor_points: ArrayLike) -> NDArray[np.float64]:
         r"""Eq. 3: :math:`(x_u, y_u) = (x_d, y_d)(1 + \kappa_1 r^2)`, :math:`r^2 = x_d^2 + y_d^2`; mm."""
         sensor_points = np.asarray(sensor_points, np.float64)
         squared_radius = sensor_points[..., :1] ** 2 + sensor_points[..., 1:] ** 2
         return sensor_points * (1 + self.kappa1 * squared_radius)
 
-    def distort(self, undistorted_points):
+    def distort(self, undistorted_points: ArrayLike) -> NDArray[np.float64]:
         """Eq. 3 solved for (x_d, y_d), exactly (see `distort_radius`); mm.
 
         Raises
@@ -86,15 +94,15 @@ class TsaiCamera(_Pixels, _Camera):
         ratio = distort_radius(radius, self.kappa1) / np.where(radius > 0, radius, 1)
         return undistorted_points * np.where(radius > 0, ratio, 1)
 
-    def from_normalized(self, normalized):
+    def from_normalized(self, normalized: ArrayLike) -> NDArray[np.float64]:
         """Undistorted directions (x/z, y/z) to image px."""
         return self.to_image(self.distort(self.focal_length * np.asarray(normalized)))
 
-    def to_normalized(self, image_points):
+    def to_normalized(self, image_points: ArrayLike) -> NDArray[np.float64]:
         """Image px to undistorted directions (x/z, y/z)."""
         return self.undistort(self.to_sensor(image_points)) / self.focal_length
 
-    def to_opencv(self):
+    def to_opencv(self) -> OpenCVCamera:
         r"""Return the `OpenCVCamera` that agrees with this one over the picture, to `OPENCV_LIMIT` px.
 
         Eq. 3 maps distorted to undistorted radii, OpenCV's model the other way:

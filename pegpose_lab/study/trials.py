@@ -15,7 +15,6 @@ from tqdm import tqdm
 
 from .. import paper
 from ..calibration import calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
-from ..camera import TsaiCamera
 from ..checks import CalibrationError, DetectionError, as_count, as_number
 from ..corners import find_corners
 from ..files import PROJECT_FOLDER, replacing
@@ -184,16 +183,14 @@ def _calibrate(method, object_points, image_points, camera, rng):
 
 def _estimate(found, name, camera):
     """A parameter in the paper camera's units, and its stated sigma or NaN."""
-    if isinstance(found.camera, TsaiCamera):
-        values = [found.camera.focal_length, *found.camera.principal_point, found.camera.kappa1]
-        value, scale, column = values[PARAMETERS.index(name)], 1.0, name
+    parameters, pitch = found.camera.parameters, camera.pixel_pitch[0]
+    if name in parameters:
+        column, value, scale = name, parameters[name], 1.0
     else:
-        matrix, pitch = found.camera.camera_matrix, camera.pixel_pitch[0]
+        f = parameters["f_x"] * pitch
         column, value, scale = {
-            "focal_length": ("f_x", matrix[0, 0] * pitch, pitch),
-            "c_x": ("c_x", matrix[0, 2], 1.0),
-            "c_y": ("c_y", matrix[1, 2], 1.0),
-            "kappa1": ("k1", -found.camera.dist_coeffs[0] / (matrix[0, 0] * pitch) ** 2, (matrix[0, 0] * pitch) ** -2),
+            "focal_length": ("f_x", f, pitch),
+            "kappa1": ("k1", -parameters["k1"] / f**2, f**-2),
         }[name]
     stated = found.covariance is not None and column in found.covariance.index
     return value, scale * found.sigma(column) if stated else np.nan

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pegpose_lab import (
+    OpenCVCamera,
     Sensor,
     TsaiCamera,
     calibrate_dlt,
@@ -17,6 +18,8 @@ from pegpose_lab import (
 )
 from pegpose_lab.calibration import repeat_calibration, solve_images
 from pegpose_lab.camera import as_sensor
+from pegpose_lab.camera.tsai import OPENCV_LIMIT
+from pegpose_lab.paper import paper_pose
 from pegpose_lab.tests.calibration.views import CAMERA, five_views, view
 
 POINTS, IMAGE = view(noise=0.1)
@@ -85,3 +88,27 @@ def test_unusable_sensors_are_refused(name, value):
 def test_nothing_else_is_a_sensor(camera):
     with pytest.raises(ValueError, match="expected a Sensor or a TsaiCamera"):
         calibrate_joint(BOARDS, IMAGES, camera)
+
+
+@pytest.mark.parametrize("camera", [CAMERA, CAMERA.to_opencv(), replace(CAMERA, kappa1=2e-4).to_opencv()])
+def test_both_cameras_have_one_interface(camera):
+    """Nobody has to ask which one it is."""
+    points, _ = view()
+    pose = paper_pose()
+    image = camera.project(points, pose)
+    assert camera.back_project(image, pose) == pytest.approx(points, abs=1e-7)
+    assert camera.to_opencv().project(points, pose) == pytest.approx(image, abs=OPENCV_LIMIT)
+    assert camera.principal_point == (camera.parameters["c_x"], camera.parameters["c_y"]) == CAMERA.principal_point
+    assert all(type(value) is float for value in camera.parameters.values())
+
+
+def test_the_parameters_have_the_names_of_the_covariance():
+    models = {"paper": None, "OpenCV": ("k1", "k2", "p1", "p2", "k3")}
+    for coefficients in models.values():
+        run = calibrate_joint(BOARDS, IMAGES, CAMERA.sensor, focal="two", coefficients=coefficients)
+        names = [name for name in run.covariance.index if name[-1] not in "01234" or name in run.camera.parameters]
+        assert set(names) == set(run.camera.parameters) and names[0] == next(iter(run.camera.parameters))
+    assert CAMERA.parameters["kappa1"] == CAMERA.kappa1 and CAMERA.parameters["scale_x"] == 1.0
+    wide = OpenCVCamera(np.diag([800.0, 700.0, 1.0]), np.arange(14) / 1e3, (640, 480))
+    assert wide.parameters["f_y"] == 700 and wide.parameters["k3"] == 0.004 and wide.parameters["tau_y"] == 0.013
+    assert wide.to_opencv() is wide
