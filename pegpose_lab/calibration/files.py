@@ -124,6 +124,8 @@ def _as_nodes(calibration):
         nodes["avg_reprojection_error"] = calibration.rms
         nodes["points_per_view"] = np.array([[float(len(residuals)) for residuals in calibration.residuals]])
         nodes["residuals"] = np.concatenate(calibration.residuals)
+    if calibration.n_parameters is not None:
+        nodes["n_parameters"] = calibration.n_parameters
     nodes["flags"] = list(_as_texts(calibration.flags))
     for name in ("history", "covariance"):
         table = getattr(calibration, name)
@@ -236,6 +238,7 @@ def _from_nodes(nodes):
         "flags": _from_texts(nodes.texts("flags")),
         "history": history,
         "covariance": covariance,
+        "n_parameters": int(nodes.number("n_parameters")) if "n_parameters" in nodes else None,
     }
 
 

@@ -56,6 +56,9 @@ class Calibration:
         Rotations are ``rx_0, ry_0, rz_0``: radians about the camera's axes, applied after the estimate.
     populations : (generations + 1, n, 2) ndarray or None
         (f, T_z) of every chromosome of every generation of the genetic algorithm, best first; not saved.
+    n_parameters : int or None
+        How many numbers were fitted to the points, those of the poses among them; None if it is not known.  n points
+        have 2 n - n_parameters degrees of freedom.
     """
 
     camera: TsaiCamera | OpenCVCamera
@@ -65,6 +68,7 @@ class Calibration:
     history: "pd.DataFrame | None" = None
     covariance: "pd.DataFrame | None" = None
     populations: np.ndarray | None = None
+    n_parameters: int | None = None
 
     @property
     def mean_distance(self):

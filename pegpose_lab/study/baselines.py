@@ -180,7 +180,7 @@ def _direct_linear_transform(setting):
 
 
 def _zhang(views, camera):
-    return calibrate_zhang(*map(list, zip(*views, strict=True)), camera.image_size, radial=1), np.nan
+    return calibrate_zhang(*map(list, zip(*views, strict=True)), camera, coefficients=("k1",)), np.nan
 
 
 def _joint(views, camera):

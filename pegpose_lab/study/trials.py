@@ -128,7 +128,7 @@ def run_trial(seed, corners, noise, tilt, views, method, trial):
     key = (seed, corners, noise, tilt, views, method, trial)
     try:
         image_points, sigma = _see(corners, camera, board, poses, noise, rng)
-        found, unknowns = _calibrate(method, [board.object_points] * views, image_points, camera, rng)
+        found = _calibrate(method, [board.object_points] * views, image_points, camera, rng)
     except (DetectionError, CalibrationError) as error:
         return _failed(key, str(error))
     except (ValueError, ArithmeticError, cv2.error) as error:  # one trial's numbers must not end the others
@@ -136,7 +136,7 @@ def run_trial(seed, corners, noise, tilt, views, method, trial):
     values = [value for name in PARAMETERS for value in _estimate(found, name, camera)]
     middle = [pose.apply(board.center)[2] for pose in (found.cam_from_object[0], poses[0])]
     n = sum(len(points) for points in found.residuals)
-    expected = sigma * np.sqrt(2 * (1 - unknowns / (2 * n)))
+    expected = sigma * np.sqrt(2 * (1 - found.n_parameters / (2 * n)))
     numbers = *values, middle[0] - middle[1], found.rms, found.mean_distance, sigma, expected
     return (*key, *numbers, "", " ".join(found.flags))
 
@@ -170,15 +170,15 @@ def trial_poses(board, tilt, views, rng):
 
 
 def _calibrate(method, object_points, image_points, camera, rng):
-    """The calibration by a method, and the number of parameters that it fitted."""
-    unknown = camera.sensor
+    """The calibration by a method."""
+    sensor = camera.sensor
     if method == "tsai":
-        return calibrate_tsai(object_points[0], image_points[0], unknown), 7
+        return calibrate_tsai(object_points[0], image_points[0], sensor)
     if method == "genetic":
-        return calibrate_genetic(object_points[0], image_points[0], unknown, rng=rng), 8
+        return calibrate_genetic(object_points[0], image_points[0], sensor, rng=rng)
     if method == "zhang":
-        return calibrate_zhang(object_points, image_points, camera.image_size, radial=1), 5 + 6 * len(object_points)
-    return calibrate_joint(object_points, image_points, unknown), 4 + 6 * len(object_points)
+        return calibrate_zhang(object_points, image_points, sensor, coefficients=("k1",))
+    return calibrate_joint(object_points, image_points, sensor)
 
 
 def _estimate(found, name, camera):

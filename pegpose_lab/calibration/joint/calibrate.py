@@ -96,4 +96,4 @@ def calibrate_joint(
         found.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)
     ]
-    return Calibration(found, poses, residuals, flags, covariance=fit.covariance)
+    return Calibration(found, poses, residuals, flags, covariance=fit.covariance, n_parameters=len(fit.covariance))

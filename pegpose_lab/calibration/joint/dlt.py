@@ -53,4 +53,5 @@ def calibrate_dlt(object_points: ArrayLike, image_points: ArrayLike, camera: Sen
         raise CalibrationError("the homography belongs to no camera with this principal point; tilt the board more")
     camera = sensor.camera(focal_length)
     pose = State(np.zeros(0), *poses_of(homographies, planes, focal_length)).poses(views)[0]
-    return Calibration(camera, [pose], [camera.project(object_points[0], pose) - image_points[0]])
+    residuals = camera.project(object_points[0], pose) - image_points[0]
+    return Calibration(camera, [pose], [residuals], n_parameters=7)

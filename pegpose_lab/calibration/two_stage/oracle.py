@@ -80,6 +80,7 @@ def optimum_in_box(
         [RigidTransform.from_components([*stage_1.translation[:2], best[1]], stage_1.rotation)],
         [objective.residuals(best[None])[0]],
         linear.flags + _edge_flags(coding, best, partial(_allowed_f, object_points, image_points, camera)),
+        n_parameters=linear.n_parameters + 1,  # kappa1
     )
 
 

@@ -64,7 +64,8 @@ def calibrate_tsai(object_points: ArrayLike, image_points: ArrayLike, camera: Se
     camera = replace(sensor, scale_x=sensor.scale_x * solution.scale_x).camera(solution.focal_length)
     pose = RigidTransform.from_components(solution.translation, solution.rotation)
     residuals = camera.project(object_points, pose) - image_points
-    return Calibration(camera, [pose], [residuals], solution.flags)
+    unknowns = 7 if is_planar(object_points) else 8  # the pose and f, and scale_x of a body
+    return Calibration(camera, [pose], [residuals], solution.flags, n_parameters=unknowns)
 
 
 @undetermined_if_singular()
@@ -215,4 +216,5 @@ class _Start:
             flags,
             history=history,
             populations=populations,
+            n_parameters=self.linear.n_parameters + 1,  # kappa1
         )

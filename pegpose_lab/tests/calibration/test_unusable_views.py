@@ -95,8 +95,8 @@ def test_unusable_options_of_many_views_are_named():
         calibrate_joint(*views, CAMERA, principal_point="centre")
     with pytest.raises(ValueError, match="camera"):
         calibrate_joint(*views, CAMERA.to_opencv())
-    with pytest.raises(ValueError, match="radial"):
-        calibrate_zhang(*views, CAMERA.image_size, radial=4)
+    with pytest.raises(ValueError, match="coefficients"):
+        calibrate_zhang(*views, CAMERA.image_size, coefficients=("k1", "k4"))
     with pytest.raises(ValueError, match="image_size"):
         calibrate_zhang(*views, (0, 1200))
     bowl = BOARD + (np.sum((BOARD - BOARD.mean(axis=0)) ** 2, axis=1) / 500)[:, None] * [0, 0, 1.0]

@@ -168,4 +168,4 @@ def test_real_views_of_the_opencv_sample_camera(pegpose_data):
     assert "with distortion by k1, k2" in flag
     assert float(re.search(r"([.\d]+) of its stated sigmas", flag)[1]) == pytest.approx(3, abs=0.5)
     assert calibrate_joint(points, images, camera, focal="two", coefficients=("k1", "k2", "p1", "p2")).flags == ()
-    assert calibrate_zhang(points, images, size, tangential=True).flags == ()
+    assert calibrate_zhang(points, images, size, coefficients=("k1", "k2", "p1", "p2")).flags == ()
