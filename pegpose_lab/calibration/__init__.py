@@ -10,6 +10,7 @@ from .joint.dlt import calibrate_dlt
 from .joint.profile import profile_focal_length, weakest_direction
 from .pose_of_board import board_pose, board_poses
 from .result import Calibration
+from .two_stage.flags import edge_intervals
 from .two_stage.genes import BOX
 from .two_stage.genetic import minimize_genetic
 from .two_stage.objective import PENALTY, TwoStageObjective
@@ -32,6 +33,7 @@ __all__ = [
     "calibrate_joint",
     "calibrate_tsai",
     "calibrate_zhang",
+    "edge_intervals",
     "minimize_genetic",
     "optimum_in_box",
     "power_mutation",

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ..camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
-from ..checks import CalibrationError, outside
+from ..checks import CalibrationError, Flag, outside
 from .files import read_calibration, write_calibration
 from .two_stage.tsai import LOOSE_INTERVAL
 
@@ -45,8 +45,8 @@ class Calibration:
         Pose of the object in each view.
     residuals : list of (n, 2) ndarray
         Projected minus measured, px, one array a view.
-    flags : tuple of str
-        What the reader must know before using the numbers, in sentences.
+    flags : tuple of Flag
+        What the reader must know before using the numbers: sentences, each with a code (see `Flag`).
     history : DataFrame or None
         Of the genetic algorithm, a row a generation (see `GeneticResult`) with the best chromosome's
         ``focal_length``, ``T_z`` and ``kappa1``.
@@ -64,7 +64,7 @@ class Calibration:
     camera: TsaiCamera | OpenCVCamera
     cam_from_object: list
     residuals: list
-    flags: tuple = ()
+    flags: tuple[Flag, ...] = ()
     history: "pd.DataFrame | None" = None
     covariance: "pd.DataFrame | None" = None
     populations: np.ndarray | None = None
@@ -152,7 +152,8 @@ def judge_focal_length(covariance, name, value, unit, freedom):
     if half >= value:
         raise CalibrationError(f"the views do not determine f ({interval}); add views tilted by about 30 deg")
     if half > LOOSE_INTERVAL * value:
-        return (f"The views hardly determine f ({interval}): it trades off with T_z; add tilted views.",)
+        text = f"The views hardly determine f ({interval}): it trades off with T_z; add tilted views."
+        return (Flag("loose-focal-length", text),)
     return ()
 
 
@@ -163,7 +164,8 @@ def judge_principal_point(covariance, image_size, freedom):
     if all(2 * half <= LOOSE_CENTER * size for half, size in zip(halves, image_size)):
         return ()
     found = " and ".join(f"{name} to +-{half:.3g} px" for name, half in zip(free, halves, strict=True))
-    return (f"The views hardly determine the principal point (95 %: {found}): add tilted views, or keep it fixed.",)
+    text = f"The views hardly determine the principal point (95 %: {found}): add tilted views, or keep it fixed."
+    return (Flag("loose-principal-point", text),)
 
 
 def judge_image_size(camera, image_points):
@@ -174,18 +176,20 @@ def judge_image_size(camera, image_points):
     width, height = camera.image_size
     views = [str(view) for view, points in enumerate(image_points) if outside(points, camera.image_size).any()]
     if views:
-        return (
+        text = (
             f"Points of view{'s' * (len(views) > 1)} {', '.join(views)} (counted from 0) lie outside of the image of "
-            f"{width} x {height} px: is image_size (width, height) right?",
+            f"{width} x {height} px: is image_size (width, height) right?"
         )
+        return (Flag("points-outside", text),)
     center = camera.principal_point
     middle, swapped = (np.subtract(size, 1) / 2 for size in (camera.image_size, camera.image_size[::-1]))
     if np.linalg.norm(np.subtract(center, swapped)) >= SWAPPED * np.linalg.norm(swapped - middle):
         return ()
-    return (
+    text = (
         f"The principal point ({center[0]:.0f}, {center[1]:.0f}) px is that of an image of {height} x {width} px: "
-        "is image_size (width, height) swapped?",
+        "is image_size (width, height) swapped?"
     )
+    return (Flag("size-swapped", text),)
 
 
 def _half_interval(covariance, name, freedom):

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from ...checks import CalibrationError
+from ...checks import CalibrationError, Flag
 from .bundle import SMALLEST_RMS, Equations
 from .fitting import fit_views
 from .models import COEFFICIENTS, OpenCVModel, TsaiModel, lens_model
@@ -50,16 +50,16 @@ class _Better:
 
 
 def judge_misfit(fit, object_points, image_points, loss="linear"):
-    """Flags in words, a tuple of str; the points and the loss are those that were fitted."""
+    """Flags, a tuple; the points and the loss are those that were fitted."""
     if fit.variance <= SMALLEST_RMS**2:  # no noise: nothing to judge by
         return ()
     better = _better_model(fit, object_points, image_points, loss)
     outlying, rest = _outlying_views(fit, object_points, image_points, loss)
     if outlying and not (better and better.variance < rest.variance):
         better = _better_model(rest, *_without(outlying, object_points, image_points), loss)
-        flags = (_view_sentence(fit, outlying, rest),)
-        return flags + ((f"Without them: {_model_sentence(rest, better)}",) if better else ())
-    return (_model_sentence(fit, better),) if better else ()
+        flags = (Flag("misfit-view", _view_sentence(fit, outlying, rest)),)
+        return flags + ((Flag("misfit-lens", f"Without them: {_model_sentence(rest, better)}"),) if better else ())
+    return (Flag("misfit-lens", _model_sentence(fit, better)),) if better else ()
 
 
 def views_in_doubt(fit, object_points, image_points, loss="linear"):

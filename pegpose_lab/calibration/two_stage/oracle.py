@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +11,6 @@ from scipy.spatial.transform import RigidTransform
 from ...camera import Sensor, TsaiCamera
 from ...checks import CalibrationError, as_number, undetermined_if_singular
 from ..result import Calibration
-from .flags import _allowed_f, _edge_flags
 from .genes import BOX, _Genes
 from .objective import PENALTY, TwoStageObjective
 from .stages import calibrate_tsai
@@ -79,7 +77,7 @@ def optimum_in_box(
         replace(linear.camera, focal_length=best[0], kappa1=kappa1),
         [RigidTransform.from_components([*stage_1.translation[:2], best[1]], stage_1.rotation)],
         [objective.residuals(best[None])[0]],
-        linear.flags + _edge_flags(coding, best, partial(_allowed_f, object_points, image_points, camera)),
+        linear.flags + coding.flags(best),
         n_parameters=linear.n_parameters + 1,  # kappa1
     )
 

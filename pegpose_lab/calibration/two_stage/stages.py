@@ -16,11 +16,10 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from ...camera import Sensor, TsaiCamera, as_sensor
-from ...checks import CalibrationError, as_matched_points, as_number, undetermined_if_singular
+from ...checks import CalibrationError, Flag, as_matched_points, as_number, undetermined_if_singular
 from ..joint.starts import demand_views
 from ..planes import is_planar
 from ..result import MINIMUM_POINTS, Calibration
-from .flags import _allowed_f, _edge_flags
 from .genes import BOX, _Genes
 from .genetic import repeat_genetic
 from .objective import PENALTY, TwoStageObjective
@@ -106,7 +105,8 @@ def calibrate_genetic(
     Returns
     -------
     Calibration
-        With `history`, and flags if the solution sits on the edge of its box.
+        With `history`, and a flag if the solution sits on the edge of its box; what the view knows of f without the
+        box, `edge_intervals` says.
 
     Raises
     ------
@@ -181,7 +181,7 @@ class _Start:
     """One view, with what stage 2 starts from: stage 1, Eq. 7 and the genes."""
 
     def __init__(self, object_points, image_points, camera, box, kappa1, genes):
-        self.view, self.intervals = (object_points, image_points, camera), {}
+        self.view = object_points, image_points, camera
         self.linear = calibrate_tsai(*self.view)
         self.objective = TwoStageObjective(object_points, image_points, self.linear, kappa1=kappa1)
         self.coding = _Genes(genes, self.linear, self.objective.c2, box)
@@ -191,12 +191,6 @@ class _Start:
         """Eq. 7 with one kappa1 for all points."""
         return TwoStageObjective(*self.view[:2], self.linear)
 
-    def allowed_f(self, principal_point):
-        """The interval of f in words; found once, for it is the same for all runs."""
-        if principal_point not in self.intervals:
-            self.intervals[principal_point] = _allowed_f(*self.view, principal_point)
-        return self.intervals[principal_point]
-
     def result(self, found):
         """The calibration that a run of the algorithm found."""
         if found.fun >= PENALTY:
@@ -205,9 +199,10 @@ class _Start:
         best = populations[:, 0]
         kappa1 = np.ravel(self.common.kappa1(best))
         history = found.history.assign(focal_length=best[:, 0], T_z=best[:, 1], kappa1=kappa1)
-        flags = self.linear.flags + _edge_flags(self.coding, best[-1], self.allowed_f)
+        flags = self.linear.flags + self.coding.flags(best[-1])
         if self.objective.form == "per-point":
-            flags += ("With one kappa1 per point Eq. 7 is the same for all (f, T_z): these were drawn, not found.",)
+            text = "With one kappa1 per point Eq. 7 is the same for all (f, T_z): these were drawn, not found."
+            flags += (Flag("drawn-not-found", text),)
         pose = self.linear.cam_from_object[0]
         return Calibration(
             replace(self.linear.camera, focal_length=best[-1, 0], kappa1=kappa1[-1]),
