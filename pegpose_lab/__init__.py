@@ -75,13 +75,16 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .calibration import calibrate_joint as calibrate_joint
     from .calibration import calibrate_tsai as calibrate_tsai
     from .calibration import calibrate_zhang as calibrate_zhang
+    from .calibration import edge_intervals as edge_intervals
     from .calibration import optimum_in_box as optimum_in_box
     from .calibration import profile_focal_length as profile_focal_length
     from .calibration import weakest_direction as weakest_direction
     from .camera import OpenCVCamera as OpenCVCamera
+    from .camera import Sensor as Sensor
     from .camera import TsaiCamera as TsaiCamera
     from .checks import CalibrationError as CalibrationError
     from .checks import DetectionError as DetectionError
+    from .checks import Flag as Flag
     from .circles import Circles as Circles
     from .circles import find_circles as find_circles
     from .corners import find_corners as find_corners
@@ -104,6 +107,8 @@ __version__ = "0.2.0"
 _HOME = {
     "DetectionError": "checks",
     "CalibrationError": "checks",
+    "Flag": "checks",
+    "Sensor": "camera",
     "TsaiCamera": "camera",
     "OpenCVCamera": "camera",
     "Checkerboard": "targets",
@@ -123,6 +128,7 @@ _HOME = {
     "Calibration": "calibration",
     "calibrate_tsai": "calibration",
     "calibrate_genetic": "calibration",
+    "edge_intervals": "calibration",
     "optimum_in_box": "calibration",
     "calibrate_zhang": "calibration",
     "calibrate_joint": "calibration",

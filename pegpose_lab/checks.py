@@ -47,6 +47,60 @@ class CalibrationError(RuntimeError):
     """
 
 
+class Flag(str):
+    """What the reader of a result must know: a sentence, with a code by which programs tell what it says.
+
+    ``str(flag)``, ``flag.text`` and the flag itself are the sentence; ``flag.code`` is one of
+
+    ========================  =======================================================================
+    loose-focal-length        the 95 % interval of f is wide: f trades off with T_z
+    loose-principal-point     the 95 % interval of the principal point is wide
+    little-tilt               the planes are tilted by little, and f rests on that alone
+    noisy-focal-length        the points' noise makes much of what the views seem to know of f
+    misfit-lens               a lens model with more parameters fits the points better
+    misfit-view               some views do not fit the others
+    points-outside            some points lie outside of the image
+    size-swapped              the principal point is that of an image with width and height swapped
+    edge-of-box               the genetic algorithm's solution sits on the edge of its box
+    drawn-not-found           the objective is the same everywhere: the solution says nothing
+    unknown                   a sentence alone, as in a file of an earlier version
+    ========================  =======================================================================
+
+    Examples
+    --------
+    >>> from pegpose_lab import Flag
+    >>> flag = Flag("edge-of-box", "The solution sits on the edge of its box.")
+    >>> print(flag)
+    The solution sits on the edge of its box.
+    >>> "edge-of-box" in [flag.code]
+    True
+    """
+
+    code: str
+
+    def __new__(cls, code: str, text: str) -> Flag:
+        flag = super().__new__(cls, text)
+        super().__setattr__(flag, "code", code)
+        return flag
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a flag cannot be changed: {name}")
+
+    @property
+    def text(self) -> str:
+        """The sentence, as a plain str."""
+        return str(self)
+
+    def __str__(self) -> str:
+        return "".join(self)
+
+    def __getnewargs__(self) -> tuple[str, str]:
+        return self.code, str(self)
+
+    def __getstate__(self) -> None:
+        return None
+
+
 @contextmanager
 def undetermined_if_singular() -> Iterator[None]:
     """As a decorator: numpy's LinAlgError of a matrix that rounding makes singular comes out as `CalibrationError`."""

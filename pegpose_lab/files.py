@@ -22,7 +22,7 @@ def output_folder() -> Path:
     return Path(os.environ.get("PEGPOSE_OUTPUT") or PROJECT_FOLDER)
 
 
-def results_folder():
+def results_folder() -> Path:
     """Folder of the tables and values that notebooks write, and read from each other."""
     return output_folder() / "data" / "results"
 

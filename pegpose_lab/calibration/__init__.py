@@ -1,8 +1,8 @@
 """Calibration: from the corners of one view or of many to a camera, its poses, and how certain they are.
 
 `two_stage` is the paper's method, `joint` least squares of all views, `zhang` the baseline; all return
-`result.Calibration`.  A calibration method is one file here, and one line in the table `methods.CALIBRATION_METHODS` that `study`
-and the notebooks read (.github/CONTRIBUTING.md shows one).
+`result.Calibration`.  A calibration method is one file here, and one line in the table
+`methods.CALIBRATION_METHODS` that `study` and the notebooks read (.github/CONTRIBUTING.md shows one).
 """
 
 from .joint.calibrate import calibrate_joint
@@ -11,6 +11,7 @@ from .joint.profile import profile_focal_length, weakest_direction
 from .methods import CALIBRATION_METHODS
 from .pose_of_board import board_pose, board_poses
 from .result import Calibration
+from .two_stage.flags import edge_intervals
 from .two_stage.genes import BOX
 from .two_stage.genetic import minimize_genetic
 from .two_stage.objective import PENALTY, TwoStageObjective
@@ -35,6 +36,7 @@ __all__ = [
     "calibrate_tsai",
     "calibrate_zhang",
     "calibration_at",
+    "edge_intervals",
     "minimize_genetic",
     "optimum_in_box",
     "power_mutation",

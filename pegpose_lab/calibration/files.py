@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from ..camera import OpenCVCamera, TsaiCamera
-from ..checks import as_choice, as_points
+from ..checks import Flag, as_choice, as_points
 from ..files import replacing
 
 FILE_FORMAT = "pegpose_lab calibration 1"
@@ -47,7 +47,7 @@ def read_calibration(path):
 
 def _as_camera_info(camera):
     """ROS's camera_info of a camera, as its camera_calibration package writes it."""
-    camera = camera.to_opencv() if isinstance(camera, TsaiCamera) else camera
+    camera = camera.to_opencv()
     coefficients = np.resize(camera.dist_coeffs, max(camera.dist_coeffs.size, 5))
     coefficients[camera.dist_coeffs.size :] = 0
     if coefficients.size not in ROS_MODELS:
@@ -123,7 +123,10 @@ def _as_nodes(calibration):
         nodes["avg_reprojection_error"] = calibration.rms
         nodes["points_per_view"] = np.array([[float(len(residuals)) for residuals in calibration.residuals]])
         nodes["residuals"] = np.concatenate(calibration.residuals)
+    if calibration.n_parameters is not None:
+        nodes["n_parameters"] = calibration.n_parameters
     nodes["flags"] = list(_as_texts(calibration.flags))
+    nodes["flag_codes"] = list(_as_texts(getattr(flag, "code", "unknown") for flag in calibration.flags))
     for name in ("history", "covariance"):
         table = getattr(calibration, name)
         if table is not None:
@@ -232,10 +235,20 @@ def _from_nodes(nodes):
         "camera": cameras[model](nodes),
         "cam_from_object": poses,
         "residuals": _residuals(nodes, len(poses)) if "residuals" in nodes or "points_per_view" in nodes else [],
-        "flags": _from_texts(nodes.texts("flags")),
+        "flags": _flags(nodes),
         "history": history,
         "covariance": covariance,
+        "n_parameters": int(nodes.number("n_parameters")) if "n_parameters" in nodes else None,
     }
+
+
+def _flags(nodes):
+    """The flags, of which a file of an earlier version has no codes."""
+    texts = _from_texts(nodes.texts("flags"))
+    codes = _from_texts(nodes.texts("flag_codes")) if "flag_codes" in nodes else ("unknown",) * len(texts)
+    if len(codes) != len(texts):
+        raise ValueError(f"flag_codes has {len(codes)} codes; expected one for each of {len(texts)} flags")
+    return tuple(map(Flag, codes, texts))
 
 
 def _poses(nodes):

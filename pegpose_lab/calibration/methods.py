@@ -18,12 +18,8 @@ class Method:
         The name in tables and figures.
     all_views : bool
         Whether it takes all views; else it gets the first one.
-    unknowns : int
-        How many numbers of the camera it estimates, without the six of each view's pose.
     draws : bool
         Whether it has an argument ``rng``.
-    given : str
-        The attribute of the camera that it gets in place of the camera, if it is not empty.
     options : dict
         Further arguments.
     """
@@ -31,9 +27,7 @@ class Method:
     function: str
     label: str
     all_views: bool = True
-    unknowns: int = 4
     draws: bool = False
-    given: str = ""
     options: dict = field(default_factory=dict)
 
     def __call__(self, object_points, image_points, camera, rng=0):
@@ -41,12 +35,12 @@ class Method:
         calibrate = getattr(importlib.import_module(f"{__package__}.{file}"), name)
         views = (object_points, image_points) if self.all_views else (object_points[0], image_points[0])
         seed = {"rng": rng} if self.draws else {}
-        return calibrate(*views, getattr(camera, self.given) if self.given else camera, **seed, **self.options)
+        return calibrate(*views, camera, **seed, **self.options)
 
 
 CALIBRATION_METHODS = {
-    "tsai": Method("two_stage.stages.calibrate_tsai", "linear only", all_views=False, unknowns=1),
-    "genetic": Method("two_stage.stages.calibrate_genetic", "GA, genes (m, T_z)", False, unknowns=2, draws=True),
-    "zhang": Method("zhang.calibrate_zhang", "Zhang (OpenCV), k1", unknowns=5, given="image_size", options={"radial": 1}),
+    "tsai": Method("two_stage.stages.calibrate_tsai", "linear only", all_views=False),
+    "genetic": Method("two_stage.stages.calibrate_genetic", "GA, genes (m, T_z)", all_views=False, draws=True),
+    "zhang": Method("zhang.calibrate_zhang", "Zhang (OpenCV), k1", options={"coefficients": ("k1",)}),
     "joint": Method("joint.calibrate.calibrate_joint", "joint"),
 }

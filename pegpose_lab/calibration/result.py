@@ -9,6 +9,8 @@
 =====================  ==============  ==========  ===========================================================
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -16,12 +18,15 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ..camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
-from ..checks import outside
+from ..checks import Flag, outside
 from .files import read_calibration, write_calibration
 from .two_stage.tsai import judge_interval
 
 if TYPE_CHECKING:
+    from os import PathLike
+
     import pandas as pd
+    from numpy.typing import NDArray
 
 MINIMUM_POINTS = 5
 """Points of a view: a plane's five ratios (Tsai)."""
@@ -45,8 +50,8 @@ class Calibration:
         Pose of the object in each view.
     residuals : list of (n, 2) ndarray
         Projected minus measured, px, one array a view.
-    flags : tuple of str
-        What the reader must know before using the numbers, in sentences.
+    flags : tuple of Flag
+        What the reader must know before using the numbers: sentences, each with a code (see `Flag`).
     history : DataFrame or None
         Of the genetic algorithm, a row a generation (see `GeneticResult`) with the best chromosome's
         ``focal_length``, ``T_z`` and ``kappa1``.
@@ -56,28 +61,32 @@ class Calibration:
         Rotations are ``rx_0, ry_0, rz_0``: radians about the camera's axes, applied after the estimate.
     populations : (generations + 1, n, 2) ndarray or None
         (f, T_z) of every chromosome of every generation of the genetic algorithm, best first; not saved.
+    n_parameters : int or None
+        How many numbers were fitted to the points, those of the poses among them; None if it is not known.  n points
+        have 2 n - n_parameters degrees of freedom.
     """
 
     camera: TsaiCamera | OpenCVCamera
     cam_from_object: list
     residuals: list
-    flags: tuple = ()
-    history: "pd.DataFrame | None" = None
-    covariance: "pd.DataFrame | None" = None
+    flags: tuple[Flag, ...] = ()
+    history: pd.DataFrame | None = None
+    covariance: pd.DataFrame | None = None
     populations: np.ndarray | None = None
+    n_parameters: int | None = None
 
     @property
-    def mean_distance(self):
+    def mean_distance(self) -> float:
         r"""Eq. 7, px: :math:`E = \frac{1}{n} \sum \sqrt{(x_f - x_i)^2 + (y_f - y_i)^2}`, a mean, not an rms."""
         return float(np.hypot(*self._all_residuals().T).mean())
 
     @property
-    def rms(self):
+    def rms(self) -> float:
         """Root of the mean squared distance, px: what OpenCV's calibrateCamera returns."""
         return float(np.sqrt(np.mean(np.sum(self._all_residuals() ** 2, axis=1))))
 
     @property
-    def axis_std(self):
+    def axis_std(self) -> NDArray[np.float64]:
         """Standard deviation in x and in y, px, (2,): the MATLAB toolbox's "pixel error" (divisor n - 1)."""
         return self._all_residuals().std(axis=0, ddof=1)
 
@@ -86,19 +95,19 @@ class Calibration:
             raise ValueError("this calibration has no residuals; it was read from a file that keeps the camera only")
         return np.concatenate(self.residuals)
 
-    def sigma(self, name):
+    def sigma(self, name: str) -> float:
         """Standard deviation of a parameter of `covariance`; ValueError if there is none of that name."""
         if self.covariance is None or name not in self.covariance.index:
             known = "no covariance" if self.covariance is None else ", ".join(self.covariance.index)
             raise ValueError(f"name is {name!r}; this calibration has {known}")
         return float(np.sqrt(self.covariance.loc[name, name]))
 
-    def correlation(self, first, second):
+    def correlation(self, first: str, second: str) -> float:
         """Correlation of two parameters of `covariance`, -1 to 1; ValueError as `sigma`."""
         product = self.sigma(first) * self.sigma(second)
         return float(self.covariance.loc[first, second] / product)
 
-    def save(self, path, form="opencv"):
+    def save(self, path: str | PathLike[str], form: str = "opencv") -> None:
         """Write the calibration as a YAML file, whole or not at all.
 
         Parameters
@@ -121,7 +130,7 @@ class Calibration:
         write_calibration(path, self, form)
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: str | PathLike[str]) -> Calibration:
         """Read what `save` wrote, in either form: the content tells.  Nothing in the file is executed.
 
         Of a ROS file, and of OpenCV's own calibration files, there is the camera only: no poses, and no residuals for
@@ -147,7 +156,8 @@ def judge_focal_length(covariance, name, value, unit, freedom):
     refusal = "the views do not determine f ({}); add views tilted by about 30 deg"
     interval, loose = judge_interval(value, half, f"95 % interval {{}} {unit}", refusal)
     if loose:
-        return (f"The views hardly determine f ({interval}): it trades off with T_z; add tilted views.",)
+        text = f"The views hardly determine f ({interval}): it trades off with T_z; add tilted views."
+        return (Flag("loose-focal-length", text),)
     return ()
 
 
@@ -158,7 +168,8 @@ def judge_principal_point(covariance, image_size, freedom):
     if all(2 * half <= LOOSE_CENTER * size for half, size in zip(halves, image_size, strict=False)):
         return ()
     found = " and ".join(f"{name} to +-{half:.3g} px" for name, half in zip(free, halves, strict=True))
-    return (f"The views hardly determine the principal point (95 %: {found}): add tilted views, or keep it fixed.",)
+    text = f"The views hardly determine the principal point (95 %: {found}): add tilted views, or keep it fixed."
+    return (Flag("loose-principal-point", text),)
 
 
 def judge_image_size(camera, image_points):
@@ -169,18 +180,20 @@ def judge_image_size(camera, image_points):
     width, height = camera.image_size
     views = [str(view) for view, points in enumerate(image_points) if outside(points, camera.image_size).any()]
     if views:
-        return (
+        text = (
             f"Points of view{'s' * (len(views) > 1)} {', '.join(views)} (counted from 0) lie outside of the image of "
-            f"{width} x {height} px: is image_size (width, height) right?",
+            f"{width} x {height} px: is image_size (width, height) right?"
         )
-    center = camera.principal_point if isinstance(camera, TsaiCamera) else camera.camera_matrix[:2, 2]
+        return (Flag("points-outside", text),)
+    center = camera.principal_point
     middle, swapped = (np.subtract(size, 1) / 2 for size in (camera.image_size, camera.image_size[::-1]))
-    if np.linalg.norm(center - swapped) >= SWAPPED * np.linalg.norm(swapped - middle):
+    if np.linalg.norm(np.subtract(center, swapped)) >= SWAPPED * np.linalg.norm(swapped - middle):
         return ()
-    return (
+    text = (
         f"The principal point ({center[0]:.0f}, {center[1]:.0f}) px is that of an image of {height} x {width} px: "
-        "is image_size (width, height) swapped?",
+        "is image_size (width, height) swapped?"
     )
+    return (Flag("size-swapped", text),)
 
 
 def _half_interval(covariance, name, freedom):

@@ -1,28 +1,42 @@
 """Zhang's calibration from several views of a plane, by OpenCV: the paper's rival (Sect. 5)."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from ..camera import OpenCVCamera, TsaiCamera
-from ..checks import CalibrationError, as_choice, as_count, as_views, undetermined_if_singular
+from ..camera import OpenCVCamera, Sensor, TsaiCamera
+from ..checks import CalibrationError, as_views, undetermined_if_singular
 from .joint.fitting import fit_at
 from .joint.misfit import judge_misfit
-from .joint.models import lens_model
+from .joint.models import COEFFICIENTS, lens_model
 from .joint.starts import demand_views
 from .joint.views import State, Views, evaluate
 from .planes import FLAT, is_planar, plane_frame, relief
 from .result import MINIMUM_POINTS, Calibration, judge_focal_length, judge_image_size
 
+RADIAL = ((), ("k1",), ("k1", "k2"), ("k1", "k2", "k3"))
+"""Radial coefficients that `cv2.calibrateCamera` frees together."""
+
 
 @undetermined_if_singular()
-def calibrate_zhang(object_points, image_points, image_size, *, radial=2, tangential=False):
+def calibrate_zhang(
+    object_points: Sequence[ArrayLike],
+    image_points: Sequence[ArrayLike],
+    camera: Sensor | TsaiCamera | OpenCVCamera | tuple[int, int],
+    *,
+    coefficients: Sequence[str] = ("k1", "k2"),
+) -> Calibration:
     r"""Zhang's calibration from several views of a plane, by `cv2.calibrateCamera`.
 
-    Free are f_x, f_y, c_x, c_y and `radial` coefficients k1, k2, ...  Two radial ones and no tangential ones
-    are what Zhang (2000) estimates and publishes.  ``radial=1`` is the paper's model but for its direction;
-    ``tangential=True`` adds p1, p2 as the MATLAB toolbox does.  OpenCV's own default frees k3 as well, which
-    an ordinary lens does not determine: it grows to compensate k2.
+    Free are f_x, f_y, c_x, c_y and `coefficients`.  Two radial ones and no tangential ones are what Zhang (2000)
+    estimates and publishes.  ``("k1",)`` is the paper's model but for its direction; ``("k1", "k2", "p1", "p2")`` is
+    the MATLAB toolbox's.  OpenCV's own default frees k3 as well, which an ordinary lens does not determine: it grows
+    to compensate k2.
 
     Parameters
     ----------
@@ -30,12 +44,10 @@ def calibrate_zhang(object_points, image_points, image_size, *, radial=2, tangen
         mm, one entry a view, each of a plane (to `planes.FLAT`: a board as it is measured), anywhere.
     image_points : sequence of (n, 2) array_like
         px.
-    image_size : (int, int)
-        Width and height, px.
-    radial : int
-        Number of radial coefficients, 0 to 3.
-    tangential : bool
-        Free the two tangential coefficients, too.
+    camera : Sensor, TsaiCamera, OpenCVCamera or (int, int)
+        The image size is used: width and height, px.  All else is found from the views.
+    coefficients : sequence of str
+        Of `COEFFICIENTS`, as for `calibrate_joint`: radial ones from k1 on without a gap, p1 and p2 both or neither.
 
     Returns
     -------
@@ -50,14 +62,26 @@ def calibrate_zhang(object_points, image_points, image_size, *, radial=2, tangen
     CalibrationError
         If there are fewer than two views, or they do not differ enough in their tilt.
 
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_zhang
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> camera = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0)
+    >>> board = Checkerboard(8, 6, 29.0).object_points
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> found = calibrate_zhang([board] * 3, [camera.project(board, pose) for pose in poses], camera.sensor)
+    >>> round(found.camera.parameters["f_x"], 2), found.n_parameters
+    (800.0, 24)
+
     References
     ----------
     Z. Zhang, "A flexible new technique for camera calibration", IEEE Transactions on Pattern Analysis and Machine Intelligence
     22(11), 2000.
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
-    radial, tangential = as_count(radial, "radial", 0, 3), bool(as_choice(tangential, "tangential", (False, True)))
-    size = TsaiCamera(1.0, image_size=image_size).image_size
+    plain = Sensor((1.0, 1.0), (0.0, 0.0), getattr(camera, "image_size", camera))
+    size, model = plain.image_size, lens_model(plain, True, True, _as_coefficients(coefficients))
     for view, points in enumerate(object_points):
         if not is_planar(points):
             raise ValueError(
@@ -67,27 +91,42 @@ def calibrate_zhang(object_points, image_points, image_size, *, radial=2, tangen
     if len(object_points) < 2:
         raise CalibrationError("one view of a plane gives two constraints on f_x, f_y, c_x, c_y; add tilted views")
     demand_views(object_points, image_points, size)
-    camera, poses = _opencv_calibration(object_points, image_points, size, radial, tangential)
-    fit = _fit_of(camera, poses, object_points, image_points, radial, tangential)
-    flags = judge_focal_length(fit.covariance, "f_x", camera.camera_matrix[0, 0], "px", fit.freedom)
-    flags += judge_image_size(camera, image_points) + judge_misfit(fit, object_points, image_points)
+    found, poses = _opencv_calibration(object_points, image_points, size, model.coefficient_names)
+    fit = _fit_of(model, found, poses, object_points, image_points)
+    flags = judge_focal_length(fit.covariance, "f_x", found.camera_matrix[0, 0], "px", fit.freedom)
+    flags += judge_image_size(found, image_points) + judge_misfit(fit, object_points, image_points)
     residuals = [
-        camera.project(points, pose) - measured
+        found.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)
     ]
-    return Calibration(camera, poses, residuals, flags, covariance=fit.covariance)
+    return Calibration(
+        found, poses, residuals, flags, covariance=fit.covariance, n_parameters=len(fit.covariance)
+    )
 
 
-def _opencv_calibration(object_points, image_points, size, radial, tangential):
+def _as_coefficients(coefficients):
+    """The checked coefficients in OpenCV's order; ValueError if `cv2.calibrateCamera` cannot free just these."""
+    given = set(coefficients) if np.iterable(coefficients) else {coefficients}
+    radial = tuple(name for name in ("k1", "k2", "k3") if name in given)
+    known = given <= set(COEFFICIENTS) and len(given) == np.size(coefficients)
+    if not known or radial not in RADIAL or len(given & {"p1", "p2"}) == 1:
+        raise ValueError(
+            f"coefficients is {coefficients!r}; expected each once: radial ones of k1, k2, k3 without a gap, and p1 and "
+            "p2 both or neither (calibrate_joint takes any)"
+        )
+    return tuple(name for name in COEFFICIENTS if name in given)
+
+
+def _opencv_calibration(object_points, image_points, size, coefficients):
     """`cv2.calibrateCamera` as an `OpenCVCamera` and poses.
 
     It takes planes z = 0 only, and others if it is given a camera to start from: that of the same boards made flat.
     """
     frames = [plane_frame(points) for points in object_points]
     own = [frame.apply(points) for frame, points in zip(frames, object_points, strict=True)]
-    flags = 0 if tangential else cv2.CALIB_ZERO_TANGENT_DIST
-    for fixed in (cv2.CALIB_FIX_K1, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K3)[radial:]:
-        flags |= fixed
+    flags = 0 if "p1" in coefficients else cv2.CALIB_ZERO_TANGENT_DIST
+    for name, fixed in (("k1", cv2.CALIB_FIX_K1), ("k2", cv2.CALIB_FIX_K2), ("k3", cv2.CALIB_FIX_K3)):
+        flags |= 0 if name in coefficients else fixed
     images = [points.astype(np.float32) for points in image_points]
 
     def solve(boards, matrix, coefficients, flags):
@@ -109,12 +148,9 @@ def _opencv_calibration(object_points, image_points, size, radial, tangential):
     return camera, poses
 
 
-def _fit_of(camera, poses, object_points, image_points, radial, tangential):
+def _fit_of(model, camera, poses, object_points, image_points):
     """OpenCV's solution as a `Fit`: its parameters and their covariance."""
-    names = ["k1", "k2"][:radial] + ["p1", "p2"] * tangential + ["k3"] * (radial == 3)
-    model = lens_model(TsaiCamera(1.0, image_size=camera.image_size), True, True, names)
-    coefficients = dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.dist_coeffs, strict=True))
-    shared = [*np.diag(camera.camera_matrix)[:2], *camera.camera_matrix[:2, 2], *(coefficients[name] for name in names)]
+    shared = [camera.parameters[name] for name in model.names]
     views = Views.stack(object_points, image_points)
     rotations = np.array([pose.rotation.as_matrix() for pose in poses])
     positions = np.array([pose.apply(centroid) for pose, centroid in zip(poses, views.centroids, strict=True)])

@@ -1,12 +1,18 @@
 """OpenCV's camera: a matrix, and coefficients that distort."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..checks import as_points
 from .pinhole import UNKNOWN_SIZE, _as_size, _Camera
+
+COEFFICIENT_NAMES = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"]
+"""Of ``dist_coeffs``, in OpenCV's order."""
 
 LARGEST_SKEW = 1e-9
 """px: what a matrix that was computed may have in place of 0; it moves no point by more."""
@@ -29,13 +35,20 @@ class OpenCVCamera(_Camera):
     ------
     ValueError
         If a shape or a value is unusable.
+
+    Examples
+    --------
+    >>> from pegpose_lab import OpenCVCamera
+    >>> camera = OpenCVCamera([[800, 0, 319.5], [0, 800, 239.5], [0, 0, 1]], [-0.2, 0.1, 0, 0, 0], (640, 480))
+    >>> camera.parameters["f_x"], camera.parameters["k1"], camera.principal_point
+    (800.0, -0.2, (319.5, 239.5))
     """
 
-    camera_matrix: np.ndarray
-    dist_coeffs: np.ndarray
-    image_size: tuple = UNKNOWN_SIZE
+    camera_matrix: NDArray[np.float64]
+    dist_coeffs: NDArray[np.float64]
+    image_size: tuple[int, int] = UNKNOWN_SIZE
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         matrix = as_points(self.camera_matrix, 3, "camera_matrix", 3)
         if matrix.shape != (3, 3) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0 or np.any(matrix[2] != (0, 0, 1)):
             raise ValueError("camera_matrix is not of the form [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] with fx, fy > 0")
@@ -52,11 +65,28 @@ class OpenCVCamera(_Camera):
         object.__setattr__(self, "dist_coeffs", coefficients)
         object.__setattr__(self, "image_size", _as_size(self.image_size))
 
-    def from_normalized(self, normalized):
+    @property
+    def principal_point(self) -> tuple[float, float]:
+        """(c_x, c_y), px."""
+        return float(self.camera_matrix[0, 2]), float(self.camera_matrix[1, 2])
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """f_x, f_y, c_x, c_y, px, and the coefficients k1, k2, p1, p2, ... of ``dist_coeffs``."""
+        values = [*np.diag(self.camera_matrix)[:2], *self.principal_point, *self.dist_coeffs]
+        return dict(zip(("f_x", "f_y", "c_x", "c_y", *COEFFICIENT_NAMES), map(float, values), strict=False))
+
+    def to_opencv(self) -> OpenCVCamera:
+        """The camera itself: what is asked of any camera needs no question which one it is."""
+        return self
+
+    def from_normalized(self, normalized: ArrayLike) -> NDArray[np.float64]:
         """Undistorted directions (x/z, y/z) to image px."""
         return self.image_and_derivative(normalized)[0]
 
-    def to_normalized(self, image_points, *, iterations=50, tolerance=1e-11):
+    def to_normalized(
+        self, image_points: ArrayLike, *, iterations: int = 50, tolerance: float = 1e-11
+    ) -> NDArray[np.float64]:
         """Image px to undistorted directions (x/z, y/z), by Newton's method.
 
         Raises
@@ -78,7 +108,7 @@ class OpenCVCamera(_Camera):
         worst = np.linalg.norm(error, axis=1).max()
         raise ValueError(f"image_points: the distortion cannot be inverted there (left after Newton: {worst:.3g} px)")
 
-    def image_and_derivative(self, normalized):
+    def image_and_derivative(self, normalized: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Undistorted directions (n, 2) to image px (n, 2), and the derivative (n, 2, 2) by them."""
         points = np.column_stack([normalized, np.ones(len(normalized))])
         zero = np.zeros(3)

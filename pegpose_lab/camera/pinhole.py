@@ -1,17 +1,50 @@
 """What all camera models share: projection to pixels, and rays back into the scene."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..checks import as_count, as_number, as_points, as_pose
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import RigidTransform
+
+    from .opencv import OpenCVCamera
 
 UNKNOWN_SIZE = (1, 1)
 """px: the image size of a camera to which none was given."""
 
 
 class _Camera:
-    """What both models share, given ``to_image`` and ``to_normalized``."""
+    """The interface of all models: what each has of its own, and what follows from it."""
 
-    def project(self, object_points, cam_from_object):
+    principal_point: tuple[float, float]
+    """px"""
+
+    image_size: tuple[int, int]
+    """Width and height, px."""
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What a calibration can estimate, f first, by the names that `Calibration.covariance` has."""
+        raise NotImplementedError
+
+    def from_normalized(self, normalized: ArrayLike) -> NDArray[np.float64]:
+        """Undistorted directions (x/z, y/z) to image px."""
+        raise NotImplementedError
+
+    def to_normalized(self, image_points: ArrayLike) -> NDArray[np.float64]:
+        """Image px to undistorted directions (x/z, y/z)."""
+        raise NotImplementedError
+
+    def to_opencv(self) -> OpenCVCamera:
+        """The camera as OpenCV's model."""
+        raise NotImplementedError
+
+    def project(self, object_points: ArrayLike, cam_from_object: RigidTransform) -> NDArray[np.float64]:
         """Project object points into the image.
 
         Parameters
@@ -40,7 +73,9 @@ class _Camera:
             )
         return self.from_normalized(points[:, :2] / points[:, 2:])
 
-    def back_project(self, image_points, cam_from_object, z=0.0):
+    def back_project(
+        self, image_points: ArrayLike, cam_from_object: RigidTransform, z: float = 0.0
+    ) -> NDArray[np.float64]:
         """Intersect the rays of image points with the plane z = const of an object's frame.
 
         Parameters
@@ -78,7 +113,7 @@ class _Camera:
         points[:, 2] = z
         return points
 
-    def rays(self, image_points):
+    def rays(self, image_points: ArrayLike) -> NDArray[np.float64]:
         """Return the viewing directions (n, 3) of image points in the camera frame, with z = 1."""
         normalized = self.to_normalized(as_points(image_points, 2, "image_points"))
         return np.column_stack([normalized, np.ones(len(normalized))])

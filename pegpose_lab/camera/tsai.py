@@ -1,13 +1,17 @@
 """The paper's camera (Fig. 4, Eq. 3), in sensor coordinates."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..checks import as_number
 from .opencv import OpenCVCamera
-from .pinhole import UNKNOWN_SIZE, _as_pair, _as_size, _Camera
+from .pinhole import UNKNOWN_SIZE, _Camera
 from .radial import distort_radius, max_undistorted_radius
+from .sensor import Sensor, _Pixels
 
 OPENCV_PLAIN, OPENCV_LIMIT = 1e-3, 0.05
 """px: how far OpenCV's model with 5 and with 8 coefficients may be from a `TsaiCamera` in its picture."""
@@ -17,7 +21,7 @@ RATIO_ROUNDS = 4
 
 
 @dataclass(frozen=True)
-class TsaiCamera(_Camera):
+class TsaiCamera(_Pixels, _Camera):
     """The paper's camera (Fig. 4, Eq. 3).
 
     Parameters
@@ -42,40 +46,37 @@ class TsaiCamera(_Camera):
     """
 
     focal_length: float
-    pixel_pitch: tuple = (1.0, 1.0)
-    principal_point: tuple = (0.0, 0.0)
-    image_size: tuple = UNKNOWN_SIZE
+    pixel_pitch: tuple[float, float] = (1.0, 1.0)
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    image_size: tuple[int, int] = UNKNOWN_SIZE
     kappa1: float = 0.0
     scale_x: float = 1.0
 
-    def __post_init__(self):
-        for name in ("focal_length", "scale_x"):
-            object.__setattr__(self, name, as_number(getattr(self, name), name, 0, exclusive=True))
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "focal_length", as_number(self.focal_length, "focal_length", 0, exclusive=True))
         object.__setattr__(self, "kappa1", as_number(self.kappa1, "kappa1"))
-        object.__setattr__(self, "pixel_pitch", _as_pair(self.pixel_pitch, "pixel_pitch", 0))
-        object.__setattr__(self, "principal_point", _as_pair(self.principal_point, "principal_point"))
-        object.__setattr__(self, "image_size", _as_size(self.image_size))
+        for name, value in vars(self.sensor).items():  # checked there
+            object.__setattr__(self, name, value)
 
     @property
-    def pixels_per_mm(self):
-        """(s_x / d_x, 1 / d_y), px/mm."""
-        return np.array([self.scale_x, 1.0]) / self.pixel_pitch
+    def sensor(self) -> Sensor:
+        """What was known of the camera before it was calibrated: all but f and kappa1."""
+        return Sensor(self.pixel_pitch, self.principal_point, self.image_size, self.scale_x)
 
-    def to_sensor(self, image_points):
-        """Image px to distorted sensor coordinates (x_d, y_d), mm from the principal point."""
-        return (np.asarray(image_points, np.float64) - self.principal_point) / self.pixels_per_mm
+    @property
+    def parameters(self) -> dict[str, float]:
+        """focal_length, mm, scale_x, kappa1, mm^-2, c_x and c_y, px."""
+        c_x, c_y = self.principal_point
+        own = {name: getattr(self, name) for name in ("focal_length", "scale_x", "kappa1")}
+        return own | {"c_x": c_x, "c_y": c_y}
 
-    def to_image(self, sensor_points):
-        """Distorted sensor coordinates (x_d, y_d), mm, to image px (x_f, y_f): the inverse of `to_sensor`."""
-        return np.asarray(sensor_points, np.float64) * self.pixels_per_mm + self.principal_point
-
-    def undistort(self, sensor_points):
+    def undistort(self, sensor_points: ArrayLike) -> NDArray[np.float64]:
         r"""Eq. 3: :math:`(x_u, y_u) = (x_d, y_d)(1 + \kappa_1 r^2)`, :math:`r^2 = x_d^2 + y_d^2`; mm."""
         sensor_points = np.asarray(sensor_points, np.float64)
         squared_radius = sensor_points[..., :1] ** 2 + sensor_points[..., 1:] ** 2
         return sensor_points * (1 + self.kappa1 * squared_radius)
 
-    def distort(self, undistorted_points):
+    def distort(self, undistorted_points: ArrayLike) -> NDArray[np.float64]:
         """Eq. 3 solved for (x_d, y_d), exactly (see `distort_radius`); mm.
 
         Raises
@@ -93,21 +94,21 @@ class TsaiCamera(_Camera):
         ratio = distort_radius(radius, self.kappa1) / np.where(radius > 0, radius, 1)
         return undistorted_points * np.where(radius > 0, ratio, 1)
 
-    def from_normalized(self, normalized):
+    def from_normalized(self, normalized: ArrayLike) -> NDArray[np.float64]:
         """Undistorted directions (x/z, y/z) to image px."""
         return self.to_image(self.distort(self.focal_length * np.asarray(normalized)))
 
-    def to_normalized(self, image_points):
+    def to_normalized(self, image_points: ArrayLike) -> NDArray[np.float64]:
         """Image px to undistorted directions (x/z, y/z)."""
         return self.undistort(self.to_sensor(image_points)) / self.focal_length
 
-    def scaled(self, scale):
+    def scaled(self, scale: float) -> TsaiCamera:
         """Return the camera whose picture is the same with `scale` times the pixels along each axis."""
         pitch = np.array(self.pixel_pitch) / scale
         middle = scale * (np.array(self.principal_point) + 0.5) - 0.5
         return TsaiCamera(self.focal_length, pitch, middle, self._scaled_size(scale), self.kappa1, self.scale_x)
 
-    def to_opencv(self):
+    def to_opencv(self) -> OpenCVCamera:
         r"""Return the `OpenCVCamera` that agrees with this one over the picture, to `OPENCV_LIMIT` px.
 
         Eq. 3 maps distorted to undistorted radii, OpenCV's model the other way:
@@ -174,7 +175,8 @@ def _ratio(radius, above, below):
     return (1 + powers @ above) / (1 + powers[:, : len(below)] @ below)
 
 
-def demand_tsai(camera):
-    """Raise ValueError if the camera is not a `TsaiCamera`."""
-    if not isinstance(camera, TsaiCamera):
-        raise ValueError(f"camera is {type(camera).__name__}; expected a TsaiCamera")
+def as_sensor(camera: Sensor | TsaiCamera) -> Sensor:
+    """What is known before a calibration, of a `Sensor` or of a `TsaiCamera`; ValueError if it is neither."""
+    if not isinstance(camera, (Sensor, TsaiCamera)):
+        raise ValueError(f"camera is {type(camera).__name__}; expected a Sensor or a TsaiCamera")
+    return camera if isinstance(camera, Sensor) else camera.sensor

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 
-def read_csv(path, *, as_text=False, **options):
+def read_csv(path: str | PathLike[str], *, as_text: bool = False, **options: Any) -> DataFrame:
     """Read a CSV file of the project: lines that begin with # are comments.
 
     Parameters
@@ -45,7 +45,9 @@ def read_csv(path, *, as_text=False, **options):
     return pd.read_csv(io.StringIO("".join(line for line in lines if not line.startswith("#"))), **options)
 
 
-def write_csv(path, table, *, comment="", float_format=None):
+def write_csv(
+    path: str | PathLike[str], table: DataFrame, *, comment: str = "", float_format: str | None = None
+) -> None:
     """Write a DataFrame without its index as a CSV file, whole or not at all, below a line of comment if there is one."""
     body = table.to_csv(index=False, float_format=float_format, lineterminator="\n")
     first = f"# {' '.join(comment.split())}\n" if comment else ""

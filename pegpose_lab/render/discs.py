@@ -92,8 +92,24 @@ def disc_outline(
     return disc_outlines(camera, cam_from_object, [center], [radius], as_count(n_points, "n_points", 3))[0]
 
 
-def disc_outlines(camera, cam_from_object, centers, radii, n_points):
-    """`disc_outline` of m discs, centres (m, 3) and radii (m,), mm: (m, n_points, 2), px."""
+def disc_outlines(
+    camera: TsaiCamera | OpenCVCamera,
+    cam_from_object: RigidTransform,
+    centers: ArrayLike,
+    radii: ArrayLike,
+    n_points: int,
+) -> NDArray[np.float64]:
+    """`disc_outline` of m discs, centres (m, 3) and radii (m,), mm: (m, n_points, 2), px.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> place = RigidTransform.from_translation([0, 0, 400.0])
+    >>> disc_outlines(camera, place, [[0, 0, 0], [30, 0, 0]], [10.0, 5.0], 50).shape
+    (2, 50, 2)
+    """
     angles = np.linspace(0, 2 * np.pi, n_points, endpoint=False)
     rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(n_points)])
     points = np.asarray(centers)[:, None, :] + np.asarray(radii)[:, None, None] * rim

@@ -22,7 +22,6 @@ from ..calibration import (
     calibrate_tsai,
     calibration_at,
 )
-from ..camera import TsaiCamera
 from ..checks import CalibrationError
 from .ga_success import PRINTED
 from .held_out import held_out_distances, leave_one_out
@@ -32,6 +31,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
     from pandas import DataFrame
+
+    from ..camera import TsaiCamera
 
 GENETIC, DIFFERENTIAL_EVOLUTION = CALIBRATION_METHODS["genetic"].label, "differential evolution"
 PARTICLES, PARTICLE_STEPS = 30, 100
@@ -242,8 +243,8 @@ def _measures(found, views, truth, pitch):
     """E, rms and standard deviations on view 1, f (mm), and its error and that of the depth."""
     residuals = found.residuals[0]
     alone = Calibration(found.camera, found.cam_from_object[:1], [residuals])
-    of_tsai = isinstance(found.camera, TsaiCamera)
-    f = found.camera.focal_length if of_tsai else found.camera.camera_matrix[0, 0] * pitch
+    parameters = found.camera.parameters
+    f = parameters["focal_length"] if "focal_length" in parameters else parameters["f_x"] * pitch
     errors = np.nan, np.nan
     if truth is not None:
         middle = found.cam_from_object[0].apply(views[0][0].mean(axis=0))[2]

@@ -16,6 +16,8 @@ from .measured import load_measured, made_by, write_measured
 from .photographs import _grey
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
     from pandas import DataFrame
 
@@ -155,12 +157,12 @@ def measure_bits() -> DataFrame:
     return pd.DataFrame(rows, columns=["picture", "position", "present", "found", "fits", "apart"])
 
 
-def load_known():
+def load_known() -> DataFrame:
     """Read where the discs are: dataset, picture, x, y, r (px), present (0: an empty place of screws4-a)."""
     return load_measured("known_circles")
 
 
-def write_circle_counts(folder=MEASURED_FOLDER):
+def write_circle_counts(folder: Path = MEASURED_FOLDER) -> None:
     """Write both tables of `count_circles` into `folder`; raises as it does."""
     counts, missed = count_circles()
     for file, table, what in (
@@ -170,7 +172,7 @@ def write_circle_counts(folder=MEASURED_FOLDER):
         write_measured(folder, file, table, f"{what}; {made_by('circle_counts')}")
 
 
-def write_screw_bits(folder=MEASURED_FOLDER):
+def write_screw_bits(folder: Path = MEASURED_FOLDER) -> None:
     """Write the table of `measure_bits` into `folder`; raises as it does."""
     what, name = "the places of screws4-a: is a screw there, and is one found", "screw_bits"
     write_measured(folder, name, measure_bits(), f"{what}; {made_by(name)}")

@@ -203,7 +203,7 @@ def write_corners(
             "names, object_points and image_points have {}, {} and {} entries; ".format(*lengths)
             + "expected one entry for each view"
         )
-    tables = [_corner_table(*view) for view in zip(names, object_points, image_points)]
+    tables = [_corner_table(*view) for view in zip(names, object_points, image_points, strict=True)]
     results.write_csv(path, pd.concat(tables), comment=comment)
 
 

@@ -23,6 +23,7 @@ from .measured import made_by, write_measured
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+    from pathlib import Path
 
     from numpy.typing import ArrayLike, NDArray
     from pandas import DataFrame
@@ -148,7 +149,7 @@ def printed_ratio() -> float:
     return paper.printed("F6.limit") / paper.printed("E-rms")
 
 
-def write_two_stage_counts(folder=MEASURED_FOLDER, *, trials=TRIALS):
+def write_two_stage_counts(folder: Path = MEASURED_FOLDER, *, trials: int = TRIALS) -> None:
     """Run `two_stage_counts` at the printed ratio and write its table into `folder`."""
     table = two_stage_counts(range(trials), printed_ratio())
     write_measured(folder, "two_stage_counts", table, made_by("two_stage_counts"), float_format="%.6g")

@@ -6,7 +6,6 @@ ends at the optimum of its box, over 100 seeds, on rendered boards and on OpenCV
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 from zlib import crc32
 
@@ -17,7 +16,7 @@ from tqdm import tqdm
 
 from .. import paper
 from ..calibration import optimum_in_box, repeat_calibration
-from ..camera import TsaiCamera
+from ..camera import Sensor
 from ..corners import find_corners
 from ..files import MEASURED_FOLDER
 from . import photographs
@@ -25,6 +24,7 @@ from .measured import made_by, write_measured
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
     from typing import Any
 
     from pandas import DataFrame
@@ -60,7 +60,7 @@ def trial_sets() -> list[tuple[Any, ...]]:
     ("paper's view", 19)
     """
     truth = paper.paper_experiment()
-    unknown = replace(truth.camera, focal_length=1.0, kappa1=0.0)
+    unknown = truth.camera.sensor
     board = truth.board.object_points
     world = truth.world_from_board.apply(board)
     exact = truth.camera.project(world, paper.paper_pose())
@@ -70,8 +70,8 @@ def trial_sets() -> list[tuple[Any, ...]]:
         (f"rendered view {k + 1}", board, find_corners(truth.board_image(k), truth.board), unknown) for k in range(5)
     ]
     object_points, image_points, (width, height), names = photographs.load_corners()
-    camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), (width, height))
-    return sets + [(name, *view, camera) for name, *view in zip(names, object_points, image_points, strict=True)]
+    sensor = Sensor((1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), (width, height))
+    return sets + [(name, *view, sensor) for name, *view in zip(names, object_points, image_points, strict=True)]
 
 
 def success_rates(
@@ -120,7 +120,7 @@ def _success(name, object_points, image_points, camera, variant, seeds):
     return name, variant, optimum, seeds, int(np.sum(excess <= REACHED)), float(np.median(excess)), float(excess.max())
 
 
-def write_success(folder=MEASURED_FOLDER):
+def write_success(folder: Path = MEASURED_FOLDER) -> None:
     """Write the table of `success_rates` into `folder`."""
     table = success_rates().round({"optimum": 6, "median_excess": 6, "worst_excess": 6})
     what = f"seeds that end within {REACHED:g} px of the optimum of the box (Eq. 7, px)"

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from ..calibration import board_pose
-from ..camera import OpenCVCamera
 from ..checks import CalibrationError, as_count, as_number, as_points
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from ..calibration import Calibration
-    from ..camera import TsaiCamera
+    from ..camera import OpenCVCamera, TsaiCamera
 
 LEAST_IN_RING = 5
 
@@ -98,7 +97,7 @@ def leave_one_out(
         others = [[view for k, view in enumerate(views) if k != left_out] for views in (object_points, image_points)]
         camera = calibrate(*others).camera
         distances = held_out_distances(camera, object_points[left_out], image_points[left_out])
-        f = camera.camera_matrix[0, 0] if isinstance(camera, OpenCVCamera) else camera.focal_length
+        f = next(iter(camera.parameters.values()))  # mm, or f_x in px
         rows.append((np.sqrt(np.mean(distances**2)), distances.mean(), f))
     return pd.DataFrame(rows, columns=["rms", "mean_distance", "focal_length"])
 
@@ -190,9 +189,7 @@ def radial_profile(calibration: Calibration, image_points: Sequence[ArrayLike], 
             f"image_points has {len(points)} points and the calibration {len(residuals)}; expected as many, and at least "
             f"{LEAST_IN_RING * rings} for {rings} rings"
         )
-    camera = calibration.camera
-    center = camera.camera_matrix[:2, 2] if isinstance(camera, OpenCVCamera) else np.array(camera.principal_point)
-    arms = points - center
+    arms = points - calibration.camera.principal_point
     radius = np.hypot(*arms.T)
     along = np.sum(arms * residuals, axis=1) / np.maximum(radius, 1e-9)
     edges = np.quantile(radius, np.linspace(0, 1, rings + 1))
@@ -241,19 +238,9 @@ def sensitivity(
         if found.covariance is None:
             raise CalibrationError("calibrate states no covariance; compare a joint or Zhang's calibration")
         names = [name for name in found.covariance.index if not re.search(r"_\d+$", name)]  # the camera's, no pose's
-        values = np.array([_parameter(found.camera, column) for column in names])
+        values = np.array([found.camera.parameters[name] for name in names])
         first = (values, [found.sigma(column) for column in names]) if first is None else first
         moved = (values - first[0]) / first[1]
         by_name, moves = (dict(zip(names, numbers, strict=True)) for numbers in (values, moved))
         rows[name] = {"rms": found.rms, **by_name, **{f"{name} moved": move for name, move in moves.items()}}
     return pd.DataFrame(rows).T.rename_axis("detector").reset_index()
-
-
-def _parameter(camera, name):
-    """A camera's parameter by its name in the covariance."""
-    if isinstance(camera, OpenCVCamera):
-        matrix = camera.camera_matrix
-        known = {"f_x": matrix[0, 0], "f_y": matrix[1, 1], "c_x": matrix[0, 2], "c_y": matrix[1, 2]}
-        return (known | dict(zip(("k1", "k2", "p1", "p2", "k3"), camera.dist_coeffs, strict=False)))[name]
-    known = dict(zip(("c_x", "c_y"), camera.principal_point, strict=True))
-    return known[name] if name in known else getattr(camera, name)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ..calibration import calibrate_joint
-from ..camera import TsaiCamera
+from ..camera import Sensor
 from ..checks import DetectionError
 from ..circles import find_circles
 from ..corners import find_corners
@@ -21,6 +21,8 @@ from .measured import made_by, write_measured
 from .opencv_corners import sub_pixel_corners
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
     from pandas import DataFrame
 
@@ -85,17 +87,17 @@ def measure_sensitivity() -> DataFrame:
             sub_pixel_corners(_read(path), seen, half) for path, seen in zip(paths, corners, strict=True)
         ]
     width, height = LEFT_SIZE
-    camera = TsaiCamera(1.0, (1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), LEFT_SIZE)
-    return sensitivity(lambda *views: calibrate_joint(*views, camera), object_points, images)
+    sensor = Sensor((1.0, 1.0), ((width - 1) / 2, (height - 1) / 2), LEFT_SIZE)
+    return sensitivity(lambda *views: calibrate_joint(*views, sensor), object_points, images)
 
 
-def write_sensitivity(folder=MEASURED_FOLDER):
+def write_sensitivity(folder: Path = MEASURED_FOLDER) -> None:
     """Write the table of `measure_sensitivity` into `folder`; raises as it does."""
     what, name = "joint calibration of opencv_left by three corner detectors", "opencv_left_detectors"
     write_measured(folder, name, measure_sensitivity(), f"{what}; {made_by(name)}")
 
 
-def write_left_corners(folder=MEASURED_FOLDER):
+def write_left_corners(folder: Path = MEASURED_FOLDER) -> None:
     """Write what `measure_corners` finds into `folder`; raises as it does."""
     comment = (
         f"corners by find_corners in OpenCV's left01..left14.jpg ({LEFT_SIZE[0]} x {LEFT_SIZE[1]} px), board of "
@@ -104,7 +106,9 @@ def write_left_corners(folder=MEASURED_FOLDER):
     write_corners(folder / f"{CORNERS}.csv", *measure_corners(), comment)
 
 
-def load_corners(folder=MEASURED_FOLDER):
+def load_corners(
+    folder: Path = MEASURED_FOLDER,
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], tuple[int, int], list[str]]:
     """Read the measured corners of opencv_left.
 
     Returns
@@ -160,7 +164,7 @@ def _grid_centers(path):
     return discs.centers[nearest]
 
 
-def write_grid(folder=MEASURED_FOLDER):
+def write_grid(folder: Path = MEASURED_FOLDER) -> None:
     """Write what `measure_grid` finds into `folder`; raises as it does."""
     comment = (
         "centres of the discs' images by fit_discs in ViSP's circles-01..05.jpg (320 x 240 px), grid of 6 x 6 discs, "
@@ -169,7 +173,16 @@ def write_grid(folder=MEASURED_FOLDER):
     write_corners(folder / f"{GRID}.csv", *measure_grid(), comment)
 
 
-def load_grid(folder=MEASURED_FOLDER):
-    """Read the measured discs of visp_circles; returns as `load_corners`."""
+def load_grid(
+    folder: Path = MEASURED_FOLDER,
+) -> tuple[list[NDArray[np.float64]], list[NDArray[np.float64]], tuple[int, int], list[str]]:
+    """Read the measured discs of visp_circles; returns as `load_corners`.
+
+    Examples
+    --------
+    >>> object_points, image_points, image_size, names = load_grid()
+    >>> len(names), image_points[0].shape
+    (5, (36, 2))
+    """
     names, object_points, image_points = read_corners(folder / f"{GRID}.csv")
     return object_points, image_points, GRID_SIZE, names

@@ -19,6 +19,8 @@ from .datasets import read_corners, write_corners
 from .measured import made_by
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from numpy.typing import NDArray
 
 NAME = "sector_corners"
@@ -43,7 +45,7 @@ def find_sector_corners(index: int) -> NDArray[np.float64]:
     return min((points, points[::-1]), key=lambda order: np.abs(order - exact).max())
 
 
-def write_sector_corners(folder=MEASURED_FOLDER):
+def write_sector_corners(folder: Path = MEASURED_FOLDER) -> None:
     """Find the corners of all five boards anew and write them into `folder`; raises as `find_sector_corners`."""
     board = paper_experiment().board.object_points
     views = [find_sector_corners(index) for index in range(5)]
@@ -54,6 +56,12 @@ def write_sector_corners(folder=MEASURED_FOLDER):
     write_corners(folder / f"{NAME}.csv", [str(index + 1) for index in range(5)], [board] * 5, views, comment)
 
 
-def load_sector_corners(folder=MEASURED_FOLDER):
-    """Read what `write_sector_corners` wrote: a list of five (48, 2) arrays, px."""
+def load_sector_corners(folder: Path = MEASURED_FOLDER) -> list[NDArray[np.float64]]:
+    """Read what `write_sector_corners` wrote: a list of five (48, 2) arrays, px.
+
+    Examples
+    --------
+    >>> [corners.shape for corners in load_sector_corners()]
+    [(48, 2), (48, 2), (48, 2), (48, 2), (48, 2)]
+    """
     return read_corners(folder / f"{NAME}.csv")[2]

@@ -17,6 +17,8 @@ from .measured import made_by, write_measured
 from .photographs import _grey
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pandas import DataFrame
 
 PART_OFF, PART_AREA = 0.3, 0.3  # of a disc's radius, and of its area
@@ -69,7 +71,7 @@ def _own_parts(parts, places):
     return int(((apart < PART_OFF * r) & (np.abs(larger) < PART_AREA)).any(axis=0).sum())
 
 
-def write_parts(folder=MEASURED_FOLDER):
+def write_parts(folder: Path = MEASURED_FOLDER) -> None:
     """Write the table of `count_parts` into `folder`; raises as it does."""
     what, name = "discs that are a part of their own by segment and by Otsu's threshold alone", "segmented_parts"
     write_measured(folder, name, count_parts(), f"{what}; {made_by(name)}")

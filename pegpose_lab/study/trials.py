@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import time
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +18,6 @@ from tqdm import tqdm
 
 from .. import paper
 from ..calibration import CALIBRATION_METHODS
-from ..camera import TsaiCamera
 from ..checks import CalibrationError, DetectionError, as_choice, as_count, as_number
 from ..corners import find_corners
 from ..files import MEASURED_FOLDER
@@ -148,7 +146,7 @@ def run_trial(
     key = (seed, corners, noise, tilt, views, method, trial)
     try:
         image_points, sigma = _see(corners, camera, board, poses, noise, rng)
-        found, unknowns = _calibrate(method, [board.object_points] * views, image_points, camera, rng)
+        found = _calibrate(method, [board.object_points] * views, image_points, camera, rng)
     except (DetectionError, CalibrationError) as error:
         return _failed(key, str(error))
     except (ValueError, ArithmeticError, cv2.error) as error:  # one trial's numbers must not end the others
@@ -156,7 +154,7 @@ def run_trial(
     values = [value for name in PARAMETERS for value in _estimate(found, name, camera)]
     middle = [pose.apply(board.center)[2] for pose in (found.cam_from_object[0], poses[0])]
     n = sum(len(points) for points in found.residuals)
-    expected = sigma * np.sqrt(2 * (1 - unknowns / (2 * n)))
+    expected = sigma * np.sqrt(2 * (1 - found.n_parameters / (2 * n)))
     numbers = *values, middle[0] - middle[1], found.rms, found.mean_distance, sigma, expected
     return (*key, *numbers, "", " ".join(found.flags))
 
@@ -192,25 +190,20 @@ def trial_poses(
 
 
 def _calibrate(method, object_points, image_points, camera, rng):
-    """The calibration by a method, and the number of parameters that it fitted."""
-    unknown = replace(camera, focal_length=1.0, kappa1=0.0)
-    calibrate = CALIBRATION_METHODS[method]
-    found = calibrate(object_points, image_points, unknown, rng)
-    return found, calibrate.unknowns + 6 * (len(object_points) if calibrate.all_views else 1)
+    """The calibration by a method."""
+    return CALIBRATION_METHODS[method](object_points, image_points, camera.sensor, rng)
 
 
 def _estimate(found, name, camera):
     """A parameter in the paper camera's units, and its stated sigma or NaN."""
-    if isinstance(found.camera, TsaiCamera):
-        values = [found.camera.focal_length, *found.camera.principal_point, found.camera.kappa1]
-        value, scale, column = values[PARAMETERS.index(name)], 1.0, name
+    parameters, pitch = found.camera.parameters, camera.pixel_pitch[0]
+    if name in parameters:
+        column, value, scale = name, parameters[name], 1.0
     else:
-        matrix, pitch = found.camera.camera_matrix, camera.pixel_pitch[0]
+        f = parameters["f_x"] * pitch
         column, value, scale = {
-            "focal_length": ("f_x", matrix[0, 0] * pitch, pitch),
-            "c_x": ("c_x", matrix[0, 2], 1.0),
-            "c_y": ("c_y", matrix[1, 2], 1.0),
-            "kappa1": ("k1", -found.camera.dist_coeffs[0] / (matrix[0, 0] * pitch) ** 2, (matrix[0, 0] * pitch) ** -2),
+            "focal_length": ("f_x", f, pitch),
+            "kappa1": ("k1", -parameters["k1"] / f**2, f**-2),
         }[name]
     stated = found.covariance is not None and column in found.covariance.index
     return value, scale * found.sigma(column) if stated else np.nan
@@ -269,12 +262,12 @@ def _save(path, done, rows):
     return table
 
 
-def write_rendered_trials(folder=MEASURED_FOLDER, *, workers=2):
+def write_rendered_trials(folder: Path = MEASURED_FOLDER, *, workers: int = 2) -> None:
     """Run the trials `RENDERED` of `monte_carlo`, or those that the file in `folder` does not have yet."""
     monte_carlo(**RENDERED, workers=workers, path=folder / RENDERED_FILE)
 
 
-def load_rendered_trials(folder=MEASURED_FOLDER):
+def load_rendered_trials(folder: Path = MEASURED_FOLDER) -> DataFrame:
     """Read what `write_rendered_trials` wrote."""
     return _finished(folder / RENDERED_FILE)
 

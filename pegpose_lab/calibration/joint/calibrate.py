@@ -4,7 +4,13 @@ What the residuals' noise does to S is judged too.  A view's tilt makes its info
 larger than its own noise, the noise makes it, more so with every view, and f is wrong by many of its stated sigmas.
 """
 
-from ...camera import demand_tsai
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from numpy.typing import ArrayLike
+
+from ...camera import Sensor, TsaiCamera, as_sensor
 from ...checks import CalibrationError, as_choice, as_views, undetermined_if_singular
 from ..result import MINIMUM_POINTS, Calibration, judge_image_size
 from .fitting import fit_views
@@ -16,8 +22,15 @@ from .starts import demand_views
 
 @undetermined_if_singular()
 def calibrate_joint(
-    object_points, image_points, camera, *, principal_point="free", focal="one", coefficients=None, loss="linear"
-):
+    object_points: Sequence[ArrayLike],
+    image_points: Sequence[ArrayLike],
+    camera: Sensor | TsaiCamera,
+    *,
+    principal_point: str = "free",
+    focal: str = "one",
+    coefficients: Sequence[str] | None = None,
+    loss: str = "linear",
+) -> Calibration:
     r"""Least squares of all views at once, with the paper's camera model (Eq. 3) or OpenCV's.
 
     Minimises the sum of the squared signed x and y residuals (not of Eq. 7's distances, whose derivative
@@ -31,8 +44,9 @@ def calibrate_joint(
         mm, one entry a view.
     image_points : sequence of (n, 2) array_like
         px.
-    camera : TsaiCamera
-        Gives pixel pitch, image size, scale_x and the principal point to start from (or to keep).
+    camera : Sensor or TsaiCamera
+        Gives pixel pitch, image size, scale_x and the principal point to start from (or to keep); f and kappa1 of a
+        camera are not used.
     principal_point : {"free", "fixed"}
         Whether it is estimated.
     focal : {"one", "two"}
@@ -64,12 +78,12 @@ def calibrate_joint(
         parameters together, or no minimum is found.
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
-    demand_tsai(camera)
+    sensor = as_sensor(camera)
     as_choice(principal_point, "principal_point", ("free", "fixed"))
     as_choice(focal, "focal", ("one", "two"))
     as_choice(loss, "loss", ("linear", "huber", "cauchy"))
-    model = lens_model(camera, principal_point == "free", focal == "two", coefficients)
-    demand_views(object_points, image_points, camera.image_size)
+    model = lens_model(sensor, principal_point == "free", focal == "two", coefficients)
+    demand_views(object_points, image_points, sensor.image_size)
     fit = fit_views(model, object_points, image_points, loss)
     try:
         flags = _judge(fit, object_points)
@@ -82,4 +96,4 @@ def calibrate_joint(
         found.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)
     ]
-    return Calibration(found, poses, residuals, flags, covariance=fit.covariance)
+    return Calibration(found, poses, residuals, flags, covariance=fit.covariance, n_parameters=len(fit.covariance))

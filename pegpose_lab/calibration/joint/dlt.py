@@ -1,10 +1,11 @@
 """The direct linear transform of one view of a plane."""
 
-from dataclasses import replace
+from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ...camera import demand_tsai
+from ...camera import Sensor, TsaiCamera, as_sensor
 from ...checks import CalibrationError, as_views, undetermined_if_singular
 from ..planes import is_planar, relief
 from ..result import MINIMUM_POINTS, Calibration
@@ -13,7 +14,7 @@ from .views import State, Views
 
 
 @undetermined_if_singular()
-def calibrate_dlt(object_points, image_points, camera):
+def calibrate_dlt(object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera) -> Calibration:
     """The direct linear transform of one view of a plane: homography, f by Zhang's two constraints, pose.
 
     Parameters
@@ -22,7 +23,7 @@ def calibrate_dlt(object_points, image_points, camera):
         mm, n >= 5, of one plane.
     image_points : (n, 2) array_like
         px.
-    camera : TsaiCamera
+    camera : Sensor or TsaiCamera
         Gives pixel pitch, scale_x, principal point and image size.
 
     Returns
@@ -38,18 +39,19 @@ def calibrate_dlt(object_points, image_points, camera):
         If the view does not determine f, or no camera sees the plane so.
     """
     object_points, image_points = as_views([object_points], [image_points], MINIMUM_POINTS)
-    demand_tsai(camera)
+    sensor = as_sensor(camera)
     if not is_planar(object_points[0]):
         raise ValueError(
             f"object_points leave the plane through them by {100 * relief(object_points[0]):.2g} % of their width; "
             "expected a plane"
         )
-    demand_views(object_points, image_points, camera.image_size)
+    demand_views(object_points, image_points, sensor.image_size)
     views, planes = Views.stack(object_points, image_points), plane_rotations(object_points)
-    homographies = homographies_of(views, planes, camera)
+    homographies = homographies_of(views, planes, sensor)
     focal_length = focal_length_of(homographies)
     if focal_length is None:
         raise CalibrationError("the homography belongs to no camera with this principal point; tilt the board more")
-    camera = replace(camera, focal_length=focal_length, kappa1=0.0)
+    camera = sensor.camera(focal_length)
     pose = State(np.zeros(0), *poses_of(homographies, planes, focal_length)).poses(views)[0]
-    return Calibration(camera, [pose], [camera.project(object_points[0], pose) - image_points[0]])
+    residuals = camera.project(object_points[0], pose) - image_points[0]
+    return Calibration(camera, [pose], [residuals], n_parameters=7)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...checks import CalibrationError
+from ...checks import CalibrationError, Flag
 from ..planes import relief
 from ..result import judge_focal_length, judge_principal_point
 from ..two_stage.tsai import SMALL_TILT, TILT_SIGNIFICANCE
@@ -35,25 +35,27 @@ def _with_focal_length(fit, focal_length, near):
 
 
 def _judge(fit, object_points):
-    """Flags in words; `CalibrationError` if f is not determined."""
+    """Flags; `CalibrationError` if f is not determined."""
     largest = _demand_tilt(fit, object_points)
     value, name, unit = fit.state.shared[0], fit.model.names[0], fit.model.unit
     flags = judge_focal_length(fit.covariance, name, value, unit, fit.freedom)
-    flags += judge_principal_point(fit.covariance, fit.model.start_camera.image_size, fit.freedom)
+    flags += judge_principal_point(fit.covariance, fit.model.sensor.image_size, fit.freedom)
     if _is_suspect(fit, largest):
         share = _demand_signal(fit)
         _demand_ends(fit)
         if share > FLAGGED_SHARE:
-            flags += (
+            text = (
                 f"The noise makes {100 * share:.0f} % of what the views seem to know of f: its sigma is too small; "
-                "tilt the board by about 30 deg.",
+                "tilt the board by about 30 deg."
             )
+            flags += (Flag("noisy-focal-length", text),)
     if largest < SMALL_TILT:
         sigma = np.sqrt(fit.covariance.loc[name, name])
-        flags += (
+        text = (
             f"The boards are tilted by {largest:.1f} deg at most, and f ({value:.5g} +- {sigma:.2g} {unit}) rests on "
-            "that: it trades off with T_z; tilt them by about 30 deg.",
+            "that: it trades off with T_z; tilt them by about 30 deg."
         )
+        flags += (Flag("little-tilt", text),)
     return flags
 
 

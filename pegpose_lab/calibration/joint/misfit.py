@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc
 
-from ...checks import CalibrationError
+from ...checks import CalibrationError, Flag
 from .bundle import SMALLEST_RMS, Equations
 from .fitting import fit_views
 from .models import COEFFICIENTS, OpenCVModel, TsaiModel, lens_model
@@ -50,16 +50,16 @@ class _Better:
 
 
 def judge_misfit(fit, object_points, image_points, loss="linear"):
-    """Flags in words, a tuple of str; the points and the loss are those that were fitted."""
+    """Flags, a tuple; the points and the loss are those that were fitted."""
     if fit.variance <= SMALLEST_RMS**2:  # no noise: nothing to judge by
         return ()
     better = _better_model(fit, object_points, image_points, loss)
     outlying, rest = _outlying_views(fit, object_points, image_points, loss)
     if outlying and not (better and better.variance < rest.variance):
         better = _better_model(rest, *_without(outlying, object_points, image_points), loss)
-        flags = (_view_sentence(fit, outlying, rest),)
-        return flags + ((f"Without them: {_model_sentence(rest, better)}",) if better else ())
-    return (_model_sentence(fit, better),) if better else ()
+        flags = (Flag("misfit-view", _view_sentence(fit, outlying, rest)),)
+        return flags + ((Flag("misfit-lens", f"Without them: {_model_sentence(rest, better)}"),) if better else ())
+    return (Flag("misfit-lens", _model_sentence(fit, better)),) if better else ()
 
 
 def views_in_doubt(fit, object_points, image_points, loss="linear"):
@@ -78,7 +78,7 @@ def _candidates(model):
     missing = [name for name in ("k1", "k2", "k3") if name not in known]
 
     def richer(coefficients=named, two=model.two, free_center=model.free_center):
-        return lens_model(model.start_camera, free_center, two, coefficients)
+        return lens_model(model.sensor, free_center, two, coefficients)
 
     found = []
     for number in range(1, len(missing) + 1):
@@ -173,7 +173,7 @@ def _further_columns(fit):
     """Derivatives (V m, 2) of the image by what a richer model may have, by name."""
     turned = fit.views.points @ fit.state.rotations.transpose(0, 2, 1) + fit.state.positions[:, None]
     points = turned.reshape(-1, 3)
-    model = OpenCVModel(fit.model.start_camera, True, True, COEFFICIENTS)
+    model = OpenCVModel(fit.model.sensor, True, True, COEFFICIENTS)
     by_shared = model.project(np.concatenate(_in_pixels(fit)), points)[1]
     columns = {name: by_shared[:, :, index] for index, name in enumerate(model.names) if name != "f_x"}
     columns["k4"] = columns["k3"] * np.sum((points[:, :2] / points[:, 2:]) ** 2, axis=1, keepdims=True)
@@ -191,7 +191,7 @@ def _in_pixels(fit):
 def _compared(fit, model):
     """f in the unit of a model, and the principal point in px, (3,), of a fit of any model."""
     (f_x, f_y), center, _ = _in_pixels(fit)
-    f = f_y * model.start_camera.pixel_pitch[1] if isinstance(model, TsaiModel) else f_x
+    f = f_y * model.sensor.pixel_pitch[1] if isinstance(model, TsaiModel) else f_x
     return np.array([f, *center])
 
 

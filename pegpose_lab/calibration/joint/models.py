@@ -10,14 +10,14 @@ COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 """OpenCV's distortion coefficients in OpenCV's order."""
 
 
-def lens_model(camera, free_center, two_focal_lengths, coefficients):
+def lens_model(sensor, free_center, two_focal_lengths, coefficients):
     """The model of these options of `calibrate_joint`; ValueError if there are no such coefficients."""
     if coefficients is None:
-        return TsaiModel(camera, free_center, two_focal_lengths)
+        return TsaiModel(sensor, free_center, two_focal_lengths)
     coefficients = tuple(coefficients) if np.iterable(coefficients) else (coefficients,)
     if set(coefficients) - set(COEFFICIENTS) or len(set(coefficients)) < len(coefficients):
         raise ValueError(f"coefficients is {coefficients}; expected each once, of {', '.join(COEFFICIENTS)}")
-    return OpenCVModel(camera, free_center, two_focal_lengths, coefficients)
+    return OpenCVModel(sensor, free_center, two_focal_lengths, coefficients)
 
 
 class TsaiModel:
@@ -26,8 +26,9 @@ class TsaiModel:
     unit = "mm"
     """Of f, the first parameter."""
 
-    def __init__(self, camera, free_center, two_focal_lengths):
-        self.start_camera, self.free_center, self.two = camera, free_center, two_focal_lengths
+    def __init__(self, sensor, free_center, two_focal_lengths):
+        self.sensor, self.free_center, self.two = sensor, free_center, two_focal_lengths
+        self.held = [np.nan, sensor.scale_x, 0.0, *sensor.principal_point]
         self.coefficient_names = None
         free = [True, two_focal_lengths, True, free_center, free_center]
         every = ("focal_length", "scale_x", "kappa1", "c_x", "c_y")
@@ -37,26 +38,23 @@ class TsaiModel:
     @classmethod
     def known(cls, camera):
         """The model of a camera of which nothing is free."""
-        model = cls(camera, False, False)
+        model = cls(camera.sensor, False, False)
         model.names, model.columns = [], np.zeros(0, int)
+        model.held[0], model.held[2] = camera.focal_length, camera.kappa1
         return model
 
     def start(self, focal_length):
-        values = [focal_length, self.start_camera.scale_x, 0.0, *self.start_camera.principal_point]
-        return np.array(values)[self.columns]
+        return np.array([focal_length, *self.held[1:]])[self.columns]
 
     def _values(self, shared):
-        camera = self.start_camera
-        values = [camera.focal_length, camera.scale_x, camera.kappa1, *camera.principal_point]
+        values = list(self.held)
         for column, value in zip(self.columns, shared, strict=True):
             values[column] = value
         return values
 
     def camera(self, shared):
         focal_length, scale_x, kappa1, *center = self._values(shared)
-        return replace(
-            self.start_camera, focal_length=focal_length, scale_x=scale_x, kappa1=kappa1, principal_point=tuple(center)
-        )
+        return replace(self.sensor, scale_x=scale_x, principal_point=tuple(center)).camera(focal_length, kappa1)
 
     def project(self, shared, points):
         r"""Image points (n, 2) of points in the camera frame, and derivatives by the parameters and by the point.
@@ -77,7 +75,7 @@ class TsaiModel:
         h, s = 1 / (1 + kappa1 * squared), 1 + 3 * kappa1 * squared
         if s.min() <= 0:
             return None
-        scale = np.array([scale_x, 1.0]) / self.start_camera.pixel_pitch  # as of the camera with these values
+        scale = np.array([scale_x, 1.0]) / self.sensor.pixel_pitch  # as of the camera with these values
         by_x_u = (-2 * kappa1 * h**3 / s)[:, :, None] * x_u[:, :, None] * x_u[:, None, :]
         by_x_u[:, 0, 0] += h[:, 0]
         by_x_u[:, 1, 1] += h[:, 0]
@@ -98,16 +96,16 @@ class OpenCVModel:
 
     unit = "px"
 
-    def __init__(self, camera, free_center, two_focal_lengths, coefficients):
-        self.start_camera, self.two, self.free_center = camera, two_focal_lengths, free_center
-        self.aspect = camera.pixels_per_mm[1] / camera.pixels_per_mm[0]
+    def __init__(self, sensor, free_center, two_focal_lengths, coefficients):
+        self.sensor, self.two, self.free_center = sensor, two_focal_lengths, free_center
+        self.aspect = sensor.pixels_per_mm[1] / sensor.pixels_per_mm[0]
         self.coefficient_names = tuple(coefficients)
         self.coefficients = [COEFFICIENTS.index(name) for name in coefficients]
         self.names = ["f_x", *["f_y"] * two_focal_lengths, *("c_x", "c_y") * free_center, *coefficients]
 
     def start(self, focal_length):
-        f_x, f_y = focal_length * self.start_camera.pixels_per_mm
-        center = self.start_camera.principal_point if self.free_center else ()
+        f_x, f_y = focal_length * self.sensor.pixels_per_mm
+        center = self.sensor.principal_point if self.free_center else ()
         return np.array([f_x, *[f_y] * self.two, *center, *[0.0] * len(self.coefficients)])
 
     def _split(self, shared):
@@ -115,7 +113,7 @@ class OpenCVModel:
         shared, coefficients = list(shared), np.zeros(5)
         f_x = shared.pop(0)
         f_y = shared.pop(0) if self.two else f_x * self.aspect
-        center = (shared.pop(0), shared.pop(0)) if self.free_center else self.start_camera.principal_point
+        center = (shared.pop(0), shared.pop(0)) if self.free_center else self.sensor.principal_point
         coefficients[self.coefficients] = shared
         return np.array([f_x, f_y]), np.array(center), coefficients
 
@@ -123,7 +121,7 @@ class OpenCVModel:
         focal, center, coefficients = self._split(shared)
         matrix = np.diag([*focal, 1.0])
         matrix[:2, 2] = center
-        return OpenCVCamera(matrix, coefficients, self.start_camera.image_size)
+        return OpenCVCamera(matrix, coefficients, self.sensor.image_size)
 
     def project(self, shared, points):
         """As `TsaiModel.project`."""

@@ -1,13 +1,17 @@
 """The profile likelihood of f, and the direction in which the views know least."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import fdtri
 
-from ...camera import demand_tsai
+from ...camera import Sensor, TsaiCamera, as_sensor
 from ...checks import as_choice, as_number, as_views, undetermined_if_singular
-from ..result import MINIMUM_POINTS, pose_names
+from ..result import MINIMUM_POINTS, Calibration, pose_names
 from .bundle import minimise
 from .covariance import in_words
 from .fitting import fit_views
@@ -20,7 +24,14 @@ PROFILED, PROFILE_STEP = 20.0, 0.05
 
 
 @undetermined_if_singular()
-def profile_focal_length(object_points, image_points, camera, *, principal_point="free", level=0.95):
+def profile_focal_length(
+    object_points: Sequence[ArrayLike],
+    image_points: Sequence[ArrayLike],
+    camera: Sensor | TsaiCamera,
+    *,
+    principal_point: str = "free",
+    level: float = 0.95,
+) -> tuple[float, float]:
     r"""The interval of f by its profile likelihood: all f with which the views can be explained nearly as well.
 
     For each f the sum of squares is minimised over everything else; f belongs to the interval while
@@ -52,10 +63,10 @@ def profile_focal_length(object_points, image_points, camera, *, principal_point
     """
     level = as_number(level, "level", 0, 1, exclusive=True)
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
-    demand_tsai(camera)
+    sensor = as_sensor(camera)
     as_choice(principal_point, "principal_point", ("free", "fixed"))
-    demand_views(object_points, image_points, camera.image_size)
-    fit = fit_views(lens_model(camera, principal_point == "free", False, None), object_points, image_points)
+    demand_views(object_points, image_points, sensor.image_size)
+    fit = fit_views(lens_model(sensor, principal_point == "free", False, None), object_points, image_points)
     _demand_tilt(fit, object_points)
     _demand_signal(fit)
     limit = fit.equations.cost * (1 + fdtri(1, fit.freedom, level) / fit.freedom)
@@ -94,7 +105,7 @@ def _crossing(fit, state, outside, limit):
     return float(np.sqrt(state.shared[0] * outside))
 
 
-def weakest_direction(calibration):
+def weakest_direction(calibration: Calibration) -> tuple[float, str]:
     """What the views know least: the combination of the camera's parameters and T_z that has the least information.
 
     Parameters

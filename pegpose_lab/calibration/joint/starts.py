@@ -62,19 +62,18 @@ def demand_order(object_points, image_points):
 
 def find_start(model, views, object_points, image_points):
     """Where to start: from homographies if the views are of planes and these give an f, else from stage 1."""
-    camera = model.start_camera
-    matrix, focal_length = np.diag([*camera.pixels_per_mm, 1.0]), None
-    matrix[:2, 2] = camera.principal_point
+    matrix, focal_length = np.diag([*model.sensor.pixels_per_mm, 1.0]), None
+    matrix[:2, 2] = model.sensor.principal_point
     if all(is_planar(points) for points in object_points):
         planes = plane_rotations(object_points)
-        sensor = homographies_of(views, planes, camera)
-        focal_length = focal_length_of(sensor)
+        to_sensor = homographies_of(views, planes, model.sensor)
+        focal_length = focal_length_of(to_sensor)
     if focal_length is not None:
-        rotations, positions = poses_of(sensor, planes, focal_length)
+        rotations, positions = poses_of(to_sensor, planes, focal_length)
         state = State(model.start(focal_length), rotations, positions)
         if evaluate(model, views, state) is not None:
             return state
-    focal_length = _linear_focal_length(object_points, image_points, camera)
+    focal_length = _linear_focal_length(object_points, image_points, model.sensor)
     matrix = matrix @ np.diag([focal_length, focal_length, 1.0])
     poses = [
         pnp(points - centroid, measured, matrix)
@@ -89,10 +88,10 @@ def plane_rotations(object_points):
     return np.array([plane_rotation(points) for points in object_points])
 
 
-def homographies_of(views, planes, camera):
+def homographies_of(views, planes, sensor):
     """Homographies (V, 3, 3) from the planes (see `plane_rotations`), with the origin at the points' centroid, to the
     sensor, mm, by the normalised direct linear transform."""
-    return _linear_homographies(views, planes, (views.image - camera.principal_point) / camera.pixels_per_mm)[0]
+    return _linear_homographies(views, planes, (views.image - sensor.principal_point) / sensor.pixels_per_mm)[0]
 
 
 def _linear_homographies(views, planes, target):
@@ -149,13 +148,13 @@ def poses_of(homographies, planes, focal_length):
     return left @ right @ planes, columns[:, :, 2]
 
 
-def _linear_focal_length(object_points, image_points, camera):
+def _linear_focal_length(object_points, image_points, sensor):
     """f, mm, of the view whose stage 1 has the smallest relative sigma of f."""
     found, reasons = [], []
     for points, measured in zip(object_points, image_points, strict=True):
         solve = solve_coplanar if is_planar(points) else solve_noncoplanar
         try:
-            solution = solve(points, camera.to_sensor(measured))
+            solution = solve(points, sensor.to_sensor(measured))
             found.append((solution.focal_length_sigma / solution.focal_length, solution.focal_length))
         except CalibrationError as error:
             reasons.append(str(error))

@@ -1,24 +1,39 @@
 """What to say of a solution on the edge of its box."""
 
-import numpy as np
+from __future__ import annotations
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...camera import Sensor, TsaiCamera
 from ...checks import CalibrationError
 from ..joint.profile import profile_focal_length
 
 
-def _edge_flags(coding, chromosome, allowed_f):
-    """A sentence if the chromosome sits on the edge of the box, with what the view knows of f without a box.
+def edge_intervals(object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera) -> str:
+    """What one view knows of f without a box, in words: to ask where a solution sits on the edge of its box.
 
-    A wrong principal point moves f by more than the interval with it held says, so both intervals are told:
-    `allowed_f` maps "fixed" and "free" to their words.
+    A wrong principal point moves f by more than the interval with it held says, so both intervals are told.
+
+    Parameters
+    ----------
+    object_points, image_points, camera
+        As for `calibrate_genetic`.
+
+    Returns
+    -------
+    str
+        A sentence with both 95 % intervals of f by its profile likelihood (`profile_focal_length`).
+
+    Raises
+    ------
+    ValueError
+        If the input is unusable.
     """
-    flags = coding.flags(chromosome)
-    if not flags:
-        return ()
-    held, free = map(allowed_f, ("fixed", "free"))
+    held, free = (_allowed_f(object_points, image_points, camera, mode) for mode in ("fixed", "free"))
     return (
-        f"{flags[0]} Least squares of all parameters of this view (95 %, profile likelihood, this lens model): f is "
-        f"{held} with this principal point, and {free} with the principal point free.",
+        "Least squares of all parameters of this view (95 %, profile likelihood, this lens model): f is "
+        f"{held} with this principal point, and {free} with the principal point free."
     )
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...checks import as_choice
+from ...checks import Flag, as_choice
 
 BOX = 0.25
 """Half-width of stage 2's box, as a fraction of the linear f and T_z (Eq. 5)."""
@@ -76,7 +76,7 @@ class _Genes:
         return genes[..., 0] * self.depth(genes[..., 1])
 
     def flags(self, chromosome):
-        """A sentence if the chromosome sits on the edge of the box."""
+        """A flag if the chromosome sits on the edge of the box."""
         gap = np.minimum(chromosome - self.lower, self.upper - chromosome) / (self.upper - self.lower)
         names = [name for name, value in zip(("f", "T_z"), gap, strict=True) if value < EDGE]
         if not names:
@@ -85,7 +85,8 @@ class _Genes:
             f"{name} {low:.5g} to {high:.5g} mm"
             for name, low, high in zip(("f", "T_z"), self.lower, self.upper, strict=True)
         )
-        return (
+        text = (
             f"The solution sits on the edge of its box in {' and '.join(names)} (box: {box}): the best f may lie "
-            "outside; widen the box, tilt the board more, or calibrate several views jointly.",
+            "outside; widen the box, tilt the board more, or calibrate several views jointly."
         )
+        return (Flag("edge-of-box", text),)

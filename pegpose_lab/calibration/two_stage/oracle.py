@@ -1,12 +1,15 @@
 """The best that stage 2 can find: the optimum in the box of Eq. 5, by scanning and narrowing."""
 
+from __future__ import annotations
+
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from ...camera import Sensor, TsaiCamera
 from ...checks import CalibrationError, as_number, undetermined_if_singular
-from .flags import _allowed_f, _edge_flags
+from ..result import Calibration
 from .genes import BOX, _Genes
 from .objective import PENALTY, TwoStageObjective
 from .stages import calibrate_tsai, calibration_at
@@ -23,7 +26,9 @@ COARSE, FINE = 8, 25
 
 
 @undetermined_if_singular()
-def optimum_in_box(object_points, image_points, camera, *, box=BOX):
+def optimum_in_box(
+    object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera, *, box: float = BOX
+) -> Calibration:
     r"""The best that stage 2 can find: the smallest Eq. 7 in the box of Eq. 5, without chance.  Judge the GA by it.
 
     The search has two unknowns, so it can be done in one: over T_z, of
@@ -66,9 +71,9 @@ def optimum_in_box(object_points, image_points, camera, *, box=BOX):
     found, values = _narrow(lambda t: _valley_floor(objective, t, f_range, FINE)[1], low, high, NARROWED, FINE)
     t_z = found[values.argmin()]
     best = np.array([_valley_floor(objective, t_z, f_range, FINE)[0], t_z])
-    optimum = calibration_at(linear, best, objective.kappa1(best[None]).item(), objective.residuals(best[None])[0])
-    flags = _edge_flags(coding, best, partial(_allowed_f, object_points, image_points, camera))
-    return replace(optimum, flags=linear.flags + flags)
+    kappa1 = objective.kappa1(best[None]).item()
+    optimum = calibration_at(linear, best, kappa1, objective.residuals(best[None])[0])
+    return replace(optimum, flags=linear.flags + coding.flags(best))
 
 
 def _valley_floor(objective, t_z, f_range, scans):

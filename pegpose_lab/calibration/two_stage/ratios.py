@@ -4,12 +4,18 @@
 derivatives by which `tsai` propagates noise, and for simulations of many images of one board.
 """
 
-import numpy as np
+from __future__ import annotations
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...camera import Sensor, TsaiCamera, as_sensor
 from ...checks import CalibrationError, as_points
 
 
-def solve_images(object_points, image_points, camera):
+def solve_images(
+    object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     r"""Solve many images of one board by the linear solution alone, as a simulation needs it.
 
     Parameters
@@ -18,7 +24,7 @@ def solve_images(object_points, image_points, camera):
         mm, n >= 5, with z = 0; the world's origin must not lie near the plane y_c = 0, which nothing guards against here.
     image_points : (m, n, 2) array_like
         px.
-    camera : TsaiCamera
+    camera : Sensor or TsaiCamera
         As for `calibrate_tsai`.
 
     Returns
@@ -39,14 +45,15 @@ def solve_images(object_points, image_points, camera):
     if image_points.ndim != 3 or image_points.shape[1:] != (len(points), 2):
         raise ValueError(f"image_points has shape {image_points.shape}; expected (m, {len(points)}, 2)")
     points = points[:, :2]
-    sensor_points = camera.to_sensor(image_points.reshape(-1, 2)).reshape(image_points.shape)
+    sensor = as_sensor(camera)
+    sensor_points = sensor.to_sensor(image_points.reshape(-1, 2)).reshape(image_points.shape)
     rows = solve_ratios(points, sensor_points, _ratios(points, sensor_points))
     focal_length = rows[0]
     x_c, y_c, z_c = (row[:, :2] @ points.T + row[:, 2:] for row in rows[1:])
     if not np.all((z_c > 0) & (focal_length[:, None] > 0)):
         raise CalibrationError("an image has no linear solution with the whole board before the camera")
     projected = np.stack([x_c, y_c], axis=-1) * (focal_length[:, None] / z_c)[..., None]
-    distances = np.linalg.norm((projected - sensor_points) * camera.pixels_per_mm, axis=-1)
+    distances = np.linalg.norm((projected - sensor_points) * sensor.pixels_per_mm, axis=-1)
     return focal_length, rows[3][:, 2], distances.mean(axis=-1)
 
 

@@ -4,18 +4,22 @@ Stage 1 is `calibrate_tsai` (the algebra is in `tsai`), stage 2 `calibrate_genet
 `genetic`); between them lies `TwoStageObjective`, Eqs. 6 and 7 for many chromosomes at once.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
-from ...camera import demand_tsai
-from ...checks import CalibrationError, as_matched_points, as_number, undetermined_if_singular
+from ...camera import Sensor, TsaiCamera, as_sensor
+from ...checks import CalibrationError, Flag, as_matched_points, as_number, undetermined_if_singular
 from ..joint.starts import demand_views
 from ..planes import is_planar
 from ..result import MINIMUM_POINTS, Calibration
-from .flags import _allowed_f, _edge_flags
 from .genes import BOX, _Genes
 from .genetic import repeat_genetic
 from .objective import PENALTY, TwoStageObjective
@@ -26,7 +30,7 @@ SIDE_BY_SIDE = 8
 
 
 @undetermined_if_singular()
-def calibrate_tsai(object_points, image_points, camera):
+def calibrate_tsai(object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera) -> Calibration:
     """Stage 1: Tsai's linear calibration of one view, without distortion (Table 1, "linear").
 
     Parameters
@@ -36,8 +40,8 @@ def calibrate_tsai(object_points, image_points, camera):
         `solve_noncoplanar`, which also corrects scale_x.
     image_points : (n, 2) array_like
         px.
-    camera : TsaiCamera
-        Gives pixel pitch, principal point, image size and scale_x; its f and kappa1 are not used.
+    camera : Sensor or TsaiCamera
+        Gives pixel pitch, principal point, image size and scale_x; f and kappa1 of a camera are not used.
 
     Returns
     -------
@@ -57,22 +61,29 @@ def calibrate_tsai(object_points, image_points, camera):
     cameras and lenses", IEEE Journal of Robotics and Automation 3(4), 1987.
     """
     object_points, image_points = as_matched_points(object_points, image_points, MINIMUM_POINTS)
-    demand_tsai(camera)
-    demand_views([object_points], [image_points], camera.image_size)
+    sensor = as_sensor(camera)
+    demand_views([object_points], [image_points], sensor.image_size)
     solve = solve_coplanar if is_planar(object_points) else solve_noncoplanar
-    solution = solve(object_points, camera.to_sensor(image_points))
-    camera = replace(
-        camera, focal_length=solution.focal_length, kappa1=0.0, scale_x=camera.scale_x * solution.scale_x
-    )
+    solution = solve(object_points, sensor.to_sensor(image_points))
+    camera = replace(sensor, scale_x=sensor.scale_x * solution.scale_x).camera(solution.focal_length)
     pose = RigidTransform.from_components(solution.translation, solution.rotation)
     residuals = camera.project(object_points, pose) - image_points
-    return Calibration(camera, [pose], [residuals], solution.flags)
+    unknowns = 7 if is_planar(object_points) else 8  # the pose and f, and scale_x of a body
+    return Calibration(camera, [pose], [residuals], solution.flags, n_parameters=unknowns)
 
 
 @undetermined_if_singular()
 def calibrate_genetic(
-    object_points, image_points, camera, *, rng=None, box=BOX, kappa1="shared", genes="magnification", **options
-):
+    object_points: ArrayLike,
+    image_points: ArrayLike,
+    camera: Sensor | TsaiCamera,
+    *,
+    rng: Any = None,
+    box: float = BOX,
+    kappa1: str = "shared",
+    genes: str = "magnification",
+    **options: Any,
+) -> Calibration:
     r"""Both stages of the paper for one view: Tsai's linear solution, then the genetic algorithm.
 
     Stage 2 searches (f, T_z) within +-`box` of the linear values (Eq. 5) for the smallest mean distance
@@ -99,7 +110,8 @@ def calibrate_genetic(
     Returns
     -------
     Calibration
-        With `history`, and flags if the solution sits on the edge of its box.
+        With `history`, and a flag if the solution sits on the edge of its box; what the view knows of f without the
+        box, `edge_intervals` says.
 
     Raises
     ------
@@ -112,8 +124,16 @@ def calibrate_genetic(
 
 
 def repeat_calibration(
-    object_points, image_points, camera, rngs, *, box=BOX, kappa1="shared", genes="magnification", **options
-):
+    object_points: ArrayLike,
+    image_points: ArrayLike,
+    camera: Sensor | TsaiCamera,
+    rngs: Sequence[Any],
+    *,
+    box: float = BOX,
+    kappa1: str = "shared",
+    genes: str = "magnification",
+    **options: Any,
+) -> list[Calibration]:
     """`calibrate_genetic` for many runs side by side, which takes a fraction of the time of one after the other.
 
     Parameters
@@ -166,7 +186,7 @@ class _Start:
     """One view, with what stage 2 starts from: stage 1, Eq. 7 and the genes."""
 
     def __init__(self, object_points, image_points, camera, box, kappa1, genes):
-        self.view, self.intervals = (object_points, image_points, camera), {}
+        self.view = object_points, image_points, camera
         self.linear = calibrate_tsai(*self.view)
         self.objective = TwoStageObjective(object_points, image_points, self.linear, kappa1=kappa1)
         self.coding = _Genes(genes, self.linear, self.objective.c2, box)
@@ -176,12 +196,6 @@ class _Start:
         """Eq. 7 with one kappa1 for all points."""
         return TwoStageObjective(*self.view[:2], self.linear)
 
-    def allowed_f(self, principal_point):
-        """The interval of f in words; found once, for it is the same for all runs."""
-        if principal_point not in self.intervals:
-            self.intervals[principal_point] = _allowed_f(*self.view, principal_point)
-        return self.intervals[principal_point]
-
     def result(self, found):
         """The calibration that a run of the algorithm found."""
         if found.fun >= PENALTY:
@@ -190,9 +204,10 @@ class _Start:
         best = populations[:, 0]
         kappa1 = np.ravel(self.common.kappa1(best))
         history = found.history.assign(focal_length=best[:, 0], T_z=best[:, 1], kappa1=kappa1)
-        flags = self.linear.flags + _edge_flags(self.coding, best[-1], self.allowed_f)
+        flags = self.linear.flags + self.coding.flags(best[-1])
         if self.objective.form == "per-point":
-            flags += ("With one kappa1 per point Eq. 7 is the same for all (f, T_z): these were drawn, not found.",)
+            text = "With one kappa1 per point Eq. 7 is the same for all (f, T_z): these were drawn, not found."
+            flags += (Flag("drawn-not-found", text),)
         residuals = self.common.residuals(best[-1:])[0]
         found = calibration_at(self.linear, best[-1], kappa1[-1], residuals)
         return replace(found, flags=flags, history=history, populations=populations)
@@ -203,4 +218,4 @@ def calibration_at(linear, chromosome, kappa1, residuals=None):
     stage_1 = linear.cam_from_object[0]
     camera = replace(linear.camera, focal_length=chromosome[0], kappa1=kappa1)
     pose = RigidTransform.from_components([*stage_1.translation[:2], chromosome[1]], stage_1.rotation)
-    return Calibration(camera, [pose], [] if residuals is None else [residuals])
+    return Calibration(camera, [pose], [] if residuals is None else [residuals], n_parameters=linear.n_parameters + 1)

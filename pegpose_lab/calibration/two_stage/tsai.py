@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...checks import CalibrationError, as_matched_points, undetermined_if_singular
+from ...checks import CalibrationError, Flag, as_matched_points, undetermined_if_singular
 from ..planes import FLAT, is_planar, plane_frame, relief
 from .estimate import _column_norms, _design, _estimate, _propagate, _solve_ratios, _squared_sine
 
@@ -67,8 +67,8 @@ class TsaiSolution:
         Angle between the optical axis and the plane's normal (of a body: the object's z axis), degrees, 0 to 90.
     focal_length_sigma : float
         Standard deviation of f, mm, by noise alone; the bias that neglected distortion gives f is not in it.
-    flags : tuple of str
-        What the reader must know, in sentences.
+    flags : tuple of Flag
+        What the reader must know.
     """
 
     rotation: Rotation
@@ -244,9 +244,11 @@ def _judge(focal_length, sigma, tilt):
     kind = "95 % interval of f, by noise alone:"
     interval, loose = judge_interval(focal_length, CONFIDENCE * sigma, f"{kind} {{}} mm", refusal)
     if tilt is not None and tilt < SMALL_TILT:
-        return (f"The plane is tilted by {tilt:.1f} deg only, so f and T_z trade off ({interval}); tilt it more.",)
+        text = f"The plane is tilted by {tilt:.1f} deg only, so f and T_z trade off ({interval}); tilt it more."
+        return (Flag("little-tilt", text),)
     if loose:
-        return (f"The view hardly determines f ({interval}); tilt the board more or use more points.",)
+        text = f"The view hardly determines f ({interval}); tilt the board more or use more points."
+        return (Flag("loose-focal-length", text),)
     return ()
 
 

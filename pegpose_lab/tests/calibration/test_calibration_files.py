@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from pegpose_lab import Calibration, calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
+from pegpose_lab import Calibration, Flag, calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
 from pegpose_lab.paper import paper_pose
 from pegpose_lab.tests.calibration.views import BOARD, CAMERA, EXPERIMENT, WORLD_BOARD, five_views, view
 
@@ -29,6 +29,8 @@ def test_saved_calibrations_come_back(tmp_path, method):
     }[method]()
     run.save(tmp_path / "camera.yml")
     back = Calibration.load(tmp_path / "camera.yml")
+    assert back.n_parameters == run.n_parameters is not None
+    assert [flag.code for flag in back.flags] == [flag.code for flag in run.flags]
     assert back.flags == run.flags and len(back.cam_from_object) == len(run.cam_from_object)
     assert type(back.camera) is type(run.camera)
     for ours, theirs in zip(run.cam_from_object, back.cam_from_object, strict=True):
@@ -56,7 +58,22 @@ def test_saved_calibrations_come_back(tmp_path, method):
 )
 def test_any_flag_comes_back(tmp_path, flags):
     Calibration(CAMERA, [paper_pose()], [np.ones((3, 2))], flags).save(tmp_path / "camera.yml")
-    assert Calibration.load(tmp_path / "camera.yml").flags == flags
+    back = Calibration.load(tmp_path / "camera.yml").flags
+    assert back == flags and {flag.code for flag in back} == {"unknown"}
+
+
+def test_flags_of_files_without_codes_are_read_and_wrong_numbers_of_codes_refused(tmp_path):
+    flags = Flag("edge-of-box", "one"), Flag('50 % "x"', "two"), "three"
+    Calibration(CAMERA, [paper_pose()], [], flags).save(tmp_path / "camera.yml")
+    assert [flag.code for flag in Calibration.load(tmp_path / "camera.yml").flags] == ["edge-of-box", '50 % "x"', "unknown"]
+    text = (tmp_path / "camera.yml").read_text()
+    begin = text.index("flag_codes:")
+    (tmp_path / "old.yml").write_text(text[:begin] + "...\n")
+    old = Calibration.load(tmp_path / "old.yml").flags
+    assert old == ("one", "two", "three") and {flag.code for flag in old} == {"unknown"}
+    (tmp_path / "bad.yml").write_text(text.replace("   - unknown\n", "").replace("   - \"unknown\"\n", ""))
+    with pytest.raises(ValueError, match=r"bad\.yml"):
+        Calibration.load(tmp_path / "bad.yml")
 
 
 def test_what_there_is_of_a_calibration_is_saved(tmp_path):
@@ -123,7 +140,7 @@ def test_opencv_can_read_a_saved_camera(tmp_path):
 @pytest.mark.parametrize("method", ["tsai", "zhang"])
 def test_ros_camera_info_comes_back(tmp_path, method):
     run = calibrate_tsai(*view(noise=0.1), CAMERA) if method == "tsai" else calibrate_zhang(
-        *five_views(0.1), CAMERA.image_size, radial=3, tangential=True
+        *five_views(0.1), CAMERA.image_size, coefficients=("k1", "k2", "p1", "p2", "k3")
     )
     run.save(tmp_path / "camera.yaml", form="ros")
     info = yaml.safe_load((tmp_path / "camera.yaml").read_text())

@@ -14,6 +14,7 @@ from pegpose_lab import (
     calibrate_tsai,
     calibrate_zhang,
 )
+from pegpose_lab.calibration.joint.models import COEFFICIENTS
 from pegpose_lab.tests.calibration.views import (
     BOARD,
     CAMERA,
@@ -59,7 +60,7 @@ def test_joint_ends_at_the_noise_floor_with_honest_sigmas(principal_point):
 def test_joint_and_zhang_agree_on_the_same_model():
     """Hardly any distortion: Eq. 3 and OpenCV's k1 are the same then."""
     views = five_views(0.05)
-    joint, zhang = calibrate_joint(*views, CAMERA), calibrate_zhang(*views, CAMERA.image_size, radial=1)
+    joint, zhang = calibrate_joint(*views, CAMERA), calibrate_zhang(*views, CAMERA.image_size, coefficients=("k1",))
     assert zhang.camera.camera_matrix[0, 0] * CAMERA.pixel_pitch[0] == pytest.approx(
         joint.camera.focal_length, abs=3 * joint.sigma("focal_length")
     )
@@ -99,13 +100,13 @@ def test_opencv_left_has_the_reference_residuals(pegpose_data, points):
     folder = pegpose_data / "opencv_left"
     views = table_views(folder / f"points_cv2_{points}.csv")
     reference = json.loads((folder / "reference.json").read_text())[points]["cv2_4.14.0"]["configs"]
-    for name, options in {
-        "k1_ppfree": {"radial": 1},
-        "k1k2": {},
-        "k1k2p1p2": {"tangential": True},
-        "default_5": {"radial": 3, "tangential": True},
+    for name, coefficients in {
+        "k1_ppfree": ("k1",),
+        "k1k2": ("k1", "k2"),
+        "k1k2p1p2": ("k1", "k2", "p1", "p2"),
+        "default_5": ("k1", "k2", "p1", "p2", "k3"),
     }.items():
-        run = calibrate_zhang(*views, (640, 480), **options)
+        run = calibrate_zhang(*views, (640, 480), coefficients=coefficients)
         assert run.rms == pytest.approx(reference[name]["rms_cv2"], abs=2e-5)
         assert run.camera.camera_matrix[0, 0] == pytest.approx(reference[name]["fx"], abs=0.02)
         stated = [run.sigma(parameter) for parameter in ("f_x", "f_y", "c_x", "c_y", "k1")]
@@ -152,9 +153,46 @@ def test_zhang_refuses_or_flags_views_of_one_tilt(noise):
         except CalibrationError as error:
             assert "tilt" in str(error)
         else:
-            assert "hardly determine f" in run.flags[0]
+            assert run.flags[0].code == "loose-focal-length"
 
 
 def test_one_view_is_not_enough_for_zhang():
     with pytest.raises(CalibrationError, match="one view"):
         calibrate_zhang([BOARD], [view()[1]], CAMERA.image_size)
+
+
+@pytest.mark.parametrize("camera", [CAMERA.sensor, CAMERA, CAMERA.to_opencv()])
+def test_zhang_takes_the_image_size_of_any_camera(camera):
+    views = five_views(0.1)
+    ours, theirs = calibrate_zhang(*views, camera), calibrate_zhang(*views, CAMERA.image_size)
+    assert ours.camera.image_size == theirs.camera.image_size == CAMERA.image_size
+    assert ours.camera.camera_matrix == pytest.approx(theirs.camera.camera_matrix, rel=1e-9)
+
+
+@pytest.mark.parametrize("coefficients", [(), ("k1",), ("k2", "k1"), ("p1", "p2"), ("k1", "k2", "p1", "p2", "k3")])
+def test_zhang_frees_the_coefficients_that_are_named(coefficients):
+    run = calibrate_zhang(*five_views(0.1), CAMERA, coefficients=coefficients)
+    freed = {name for name in COEFFICIENTS if run.camera.parameters[name] != 0}
+    assert freed == set(coefficients) == set(run.covariance.index) & set(COEFFICIENTS)
+    assert run.n_parameters == 4 + len(coefficients) + 6 * 5
+
+
+@pytest.mark.parametrize("coefficients", [("k2",), ("k1", "k3"), ("p1",), ("k1", "k1"), ("k4",), "k1x", 1])
+def test_zhang_refuses_coefficients_that_opencv_cannot_free(coefficients):
+    with pytest.raises(ValueError, match="coefficients is"):
+        calibrate_zhang(*five_views(0.1), CAMERA, coefficients=coefficients)
+
+
+def test_a_calibration_knows_how_many_numbers_it_fitted():
+    """The residuals of many experiments have the squares that so many parameters leave."""
+    views = five_views(0.1)
+    assert calibrate_joint(*views, CAMERA.sensor).n_parameters == 4 + 6 * 5
+    assert calibrate_joint(*views, CAMERA.sensor, principal_point="fixed").n_parameters == 2 + 6 * 5
+    squares = []
+    for seed in range(20):
+        run = calibrate_joint(*five_views(0.1, seed), CAMERA.sensor)
+        squares.append(np.sum(np.square(run.residuals)) / 0.1**2)
+    freedom = 2 * 5 * 48 - run.n_parameters
+    assert abs(np.mean(squares) - freedom) < 4 * np.sqrt(2 * freedom / 20)
+    one = views[0][0], views[1][0], CAMERA.sensor
+    assert calibrate_tsai(*one).n_parameters == 7 and calibrate_genetic(*one, rng=0, generations=1).n_parameters == 8

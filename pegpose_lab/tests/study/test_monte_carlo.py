@@ -111,7 +111,7 @@ def test_a_numerical_error_is_a_row_with_its_type(tmp_path, monkeypatch, error, 
         raise error
 
     with monkeypatch.context() as patch:
-        patch.setattr(trials, "calibrate_joint", fail)
+        patch.setattr("pegpose_lab.calibration.joint.calibrate.calibrate_joint", fail)
         table = monte_carlo(**SMALL, path=tmp_path / "trials.csv")
     assert (table["status"] == reason).all() and table["rms"].isna().all() and (table["flags"] == "").all()
     pd.testing.assert_frame_equal(monte_carlo(**SMALL, path=tmp_path / "trials.csv"), table)

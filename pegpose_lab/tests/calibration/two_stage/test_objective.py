@@ -74,7 +74,7 @@ def test_eq_6_per_point_makes_the_objective_flat():
     assert np.abs(flat.residuals(chromosomes)[..., 1]).max() < 1e-9
     assert np.ptp(TwoStageObjective(points, image_points, linear)(chromosomes)) > 10
     calibration = calibrate_genetic(points, image_points, CAMERA, rng=0, kappa1="per-point", generations=5)
-    assert "drawn, not found" in calibration.flags[-1]
+    assert calibration.flags[-1].code == "drawn-not-found" and "drawn, not found" in calibration.flags[-1]
 
 
 def test_impossible_chromosomes_are_penalised_without_a_warning():
