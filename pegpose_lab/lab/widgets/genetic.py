@@ -6,15 +6,15 @@ import cv2
 import ipywidgets
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from ...calibration import PENALTY, minimize_genetic
+from .. import plotting
 from ..plotting import COLORS
 from .drawing import _bgr
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
 HEIGHT = 480  # px, of the picture
+DPI = plotting.STYLE["figure.dpi"]
 
 
 def genetic_explorer(objective, bounds, *, search=None, generations=100):
@@ -70,14 +70,14 @@ class _Valley:
     """The objective over its box as a picture with axes, drawn once."""
 
     def __init__(self, objective, bounds):
-        (self.f, self.t_z), dpi = np.asarray(bounds, float), 100
-        fig = Figure(figsize=(SHOWN_WIDTH / dpi, HEIGHT / dpi), dpi=dpi, layout="constrained")
-        canvas, self.ax = FigureCanvasAgg(fig), fig.add_subplot()
+        self.f, self.t_z = np.asarray(bounds, float)
+        fig, self.ax = plotting.figure(SHOWN_WIDTH / DPI, HEIGHT / DPI)
         self.ax.set(xlabel="focal length f (mm)", ylabel="$T_z$ (mm)")
         look = {"cmap": colormaps["cividis"].with_extremes(bad="0.9"), "aspect": "auto", "interpolation": "bilinear"}
         self.ax.imshow(self._heights(objective), extent=(*self.f, *self.t_z), origin="lower", **look)
-        canvas.draw()
-        self.background = np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, 2::-1])
+        fig.canvas.draw()
+        self.background = np.ascontiguousarray(np.asarray(fig.canvas.buffer_rgba())[:, :, 2::-1])
+        plotting.plt.close(fig)  # or a notebook would show it below the explorer
 
     def _heights(self, objective, columns=175, rows=105):
         """log10 of the objective on a grid; masked where a point of the view has no image."""

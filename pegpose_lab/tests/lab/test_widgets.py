@@ -217,8 +217,9 @@ def test_genetic_explorer_draws_population_and_valley():
 
     explorer = genetic.genetic_explorer(valley, BOUNDS, search=search, generations=3)
     picture = decode(explorer.picture.value)
-    frame = np.argwhere((picture < 40).all(axis=2)[:, 100:-100].all(axis=1))[[0, -1], 0]  # upper and lower spine
-    sides = np.argwhere((picture < 40).all(axis=2)[frame[0] : frame[1]].all(axis=0))[[0, -1], 0]
+    painted = (picture < 250).any(axis=2)
+    frame = np.argwhere(painted[:, 100:-100].all(axis=1))[[0, -1], 0]  # first and last row of the axes
+    sides = np.argwhere(painted[frame[0] : frame[1]].all(axis=0))[[0, -1], 0]
     x = sides[0] + 0.75 * (sides[1] - sides[0])
     y = frame[1] - 34 / 135 * (frame[1] - frame[0])  # T_z grows upwards
     dot = picture[round(y) - 1 : round(y) + 2, round(x) - 1 : round(x) + 2].astype(int)
