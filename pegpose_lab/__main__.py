@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 
+from .files import results_folder
 from .lab import command_line, environment
 from .lab.environment import CHECKOUT
 from .lab.notebooks import exploring
@@ -45,11 +46,6 @@ def _setup(options):
     return 0
 
 
-def _results():
-    """The folder of the committed results."""
-    return CHECKOUT / "data" / "results"
-
-
 def _reproduce(options):
     """Run the notebooks, move what they wrote into place, and compare it with the paper."""
     from .lab.notebooks import running
@@ -60,7 +56,7 @@ def _reproduce(options):
         running.reproduce(
             notebooks,
             options.output,
-            known_results=_results(),
+            known_results=results_folder(CHECKOUT),
             known="*" if options.notebooks else "bench_*",  # no notebook makes those of the benchmark
             cell_timeout=CELL_TIMEOUT,
             update=options.update_notebooks,
@@ -90,10 +86,10 @@ def _report(options):
     from .lab import front_page
     from .paper import claims
 
-    table = claims.write_claims(options.output / "data" / "results")
+    table = claims.write_claims(results_folder(options.output))
     if options.output == CHECKOUT:
-        claims.update_readme(_results() / "README.md", table)
-        front_page.write(CHECKOUT / "README.md", _results())
+        claims.update_readme(results_folder(CHECKOUT) / "README.md", table)
+        front_page.write(CHECKOUT / "README.md", results_folder(CHECKOUT))
     print(claims.format_table(table))
     return 0
 
@@ -107,7 +103,7 @@ def _test(options):
     os.chdir(CHECKOUT)
     if options.processors is not None:
         return _test_processors(options.processors, options.extra)
-    with running.scratch_output(_results()) as output:
+    with running.scratch_output(results_folder(CHECKOUT)) as output:
         os.environ.update(running.output_variables(output))
         code = int(pytest.main(_notebook_testing() + options.extra))
         changed = running.changed_files(output, CHECKOUT)
@@ -158,14 +154,14 @@ def _bench(options):
     from . import bench
     from .lab import front_page, results
 
-    readme = _results() / "README.md" if options.output == CHECKOUT and not options.quick else None
+    readme = results_folder(CHECKOUT) / "README.md" if options.output == CHECKOUT and not options.quick else None
     if readme:
         results.block_is_current(readme, "bench", "")  # raises now, not after the run, if there is no place for it
     report = bench.run(bench.QUICK if options.quick else bench.FULL)
     if not options.quick:
-        bench.write(report, options.output / "data" / "results", readme)
+        bench.write(report, results_folder(options.output), readme)
     if readme:
-        front_page.write(CHECKOUT / "README.md", _results())
+        front_page.write(CHECKOUT / "README.md", results_folder(CHECKOUT))
     print(bench.to_text(report))
     if options.quick:
         print("A quick run: it shows that everything works; one frame of each scene says nothing of the aims.")

@@ -22,9 +22,9 @@ def output_folder() -> Path:
     return Path(os.environ.get("PEGPOSE_OUTPUT") or PROJECT_FOLDER)
 
 
-def results_folder() -> Path:
-    """Folder of the tables and values that notebooks write, and read from each other."""
-    return output_folder() / "data" / "results"
+def results_folder(root: Path | None = None) -> Path:
+    """Folder below `root`, by default `output_folder`, of the tables and values that notebooks write and read."""
+    return (root or output_folder()) / "data" / "results"
 
 
 @contextmanager

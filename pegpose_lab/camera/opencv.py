@@ -115,7 +115,7 @@ class OpenCVCamera(_Camera):
         image_points, jacobian = cv2.projectPoints(points, zero, zero, self.camera_matrix, self.dist_coeffs)[:2]
         return image_points.reshape(-1, 2), jacobian[:, 3:5].reshape(-1, 2, 2)
 
-    def scaled(self, scale):
+    def scaled(self, scale: float) -> OpenCVCamera:
         """Return the camera whose picture is the same with `scale` times the pixels along each axis."""
         to_scaled = np.array([[scale, 0, 0.5 * scale - 0.5], [0, scale, 0.5 * scale - 0.5], [0, 0, 1]])
         return OpenCVCamera(to_scaled @ self.camera_matrix, self.dist_coeffs, self._scaled_size(scale))

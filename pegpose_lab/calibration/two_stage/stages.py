@@ -194,7 +194,8 @@ class _Start:
     @cached_property
     def common(self):
         """Eq. 7 with one kappa1 for all points."""
-        return TwoStageObjective(*self.view[:2], self.linear)
+        shared = self.objective.form == "shared"
+        return self.objective if shared else TwoStageObjective(*self.view[:2], self.linear)
 
     def result(self, found):
         """The calibration that a run of the algorithm found."""

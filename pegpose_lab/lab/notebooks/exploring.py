@@ -13,6 +13,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
+from ...files import results_folder
 from ..environment import CHECKOUT
 
 SETTINGS = Path(__file__).with_name("lab_settings")
@@ -31,20 +32,23 @@ def scratch_folder(checkout=CHECKOUT):
     folder = Path(checkout, *SCRATCH)
     try:
         folder.mkdir(exist_ok=True)
-        _fill(folder, checkout)
+        fill(folder, results_folder(checkout), "*.csv")
     except OSError:
         folder = Path(tempfile.mkdtemp(prefix="pegpose_lab_"))
-        _fill(folder, checkout)
+        fill(folder, results_folder(checkout), "*.csv")
     return folder
 
 
-def _fill(folder, checkout):
-    """Make the two folders anew: what an older version of the notebooks wrote would be read as theirs."""
+def fill(folder, known_results, known="*"):
+    """Make the two folders below `folder` anew, with copies of the known results, if any, whose names match a pattern.
+
+    Anew: what an older version of the notebooks wrote would be read as theirs.
+    """
     for name in WRITTEN:
         shutil.rmtree(folder / name, ignore_errors=True)
         (folder / name).mkdir(parents=True, exist_ok=True)
-    for path in Path(checkout, "data", "results").glob("*.csv"):
-        shutil.copyfile(path, folder / "data" / "results" / path.name)
+    for path in known_results.glob(known) if known_results else ():
+        shutil.copyfile(path, results_folder(folder) / path.name)
 
 
 def jupyterlab_arguments(options, checkout=CHECKOUT):

@@ -14,6 +14,7 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ...files import results_folder
 from .. import environment
 from . import running
 
@@ -111,7 +112,7 @@ def run_on(machine, checkout, pytest_arguments):
         How the notebooks are run and compared, as for the plain test.
     """
     with (
-        running.scratch_output(checkout / "data" / "results") as output,
+        running.scratch_output(results_folder(checkout)) as output,
         tempfile.TemporaryDirectory(prefix="pegpose_") as folder,
     ):
         report = Path(folder, "report.xml")

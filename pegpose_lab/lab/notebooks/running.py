@@ -29,7 +29,7 @@ from tqdm import tqdm
 
 from ...files import replacing
 from .agreement import files_agree
-from .exploring import WRITTEN
+from .exploring import WRITTEN, fill
 
 WORKERS = 2
 READS = {"07": "06"}  # numbers of notebooks that read the results of another, and of that
@@ -78,10 +78,7 @@ def reproduce(notebooks, output, *, known_results=None, known="*", cell_timeout=
 def scratch_output(known_results=None, known="*"):
     """A temporary folder to be named by ``PEGPOSE_OUTPUT``, holding copies of known results of that pattern."""
     with tempfile.TemporaryDirectory(prefix="pegpose_", ignore_cleanup_errors=True) as folder:
-        for name in WRITTEN:
-            Path(folder, name).mkdir(parents=True)
-        for path in Path(known_results).glob(known) if known_results is not None else ():
-            shutil.copy(path, Path(folder, "data/results"))
+        fill(Path(folder), known_results, known)
         yield Path(folder)
 
 
