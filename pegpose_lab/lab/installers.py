@@ -1,9 +1,9 @@
 """The tools that make an environment and install into it; standard library only."""
 
-import importlib.util
 import re
 import shutil
 import subprocess
+from importlib import metadata
 
 
 class SetUpError(SystemExit):
@@ -26,8 +26,8 @@ def _venv_commands(base, folder, has_venv):
 def _has_package(requirement):
     """Whether this very Python has the package that a requirement names, in any version."""
     try:
-        return bool(importlib.metadata.version(re.match(r"[\w.-]+", requirement).group()))
-    except importlib.metadata.PackageNotFoundError:
+        return bool(metadata.version(re.match(r"[\w.-]+", requirement).group()))
+    except metadata.PackageNotFoundError:
         return False
 
 

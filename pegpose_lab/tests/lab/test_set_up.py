@@ -199,3 +199,25 @@ def test_package_is_importable_from_everywhere(tmp_path, monkeypatch):
         [environment.python(), "-c", code], cwd=tmp_path, env=variables, check=True, capture_output=True, text=True
     )
     assert found.stdout.split() == [str(environment.VENV), str(CHECKOUT / "pegpose_lab" / "__init__.py")]
+
+
+def test_installed_packages_are_told_on_a_bare_python():
+    """In an interpreter of its own: here others have imported what a file itself may have forgotten."""
+    code = "from pegpose_lab.lab import installers as i; print(i._has_package('pip>=1'), i._has_package('no-such-package'))"
+    run = subprocess.run([sys.executable, "-c", code], cwd=CHECKOUT, capture_output=True, text=True)
+    assert run.stdout.split() == ["True", "False"], run.stderr
+
+
+def test_the_benchmark_installs_what_is_missing_only(checkout, monkeypatch):
+    shutil.copy(CHECKOUT / "pyproject.toml", checkout)
+    environment.LOCK.write_text("opencv-python-headless==5.0.0.93\n")
+    installed = []
+    monkeypatch.setattr(environment, "_try_to_install", installed.append)
+    monkeypatch.setattr(environment, "_has_package", lambda requirement: False)
+    environment.add_bench_packages()
+    monkeypatch.setattr(environment, "_has_package", lambda requirement: True)
+    (environment.contrib_folder() / "cv2").mkdir(parents=True)
+    environment.add_bench_packages()
+    assert len(installed) == 2
+    assert any("scikit-image" in str(part) for part in installed[0])
+    assert "opencv-contrib-python-headless==5.0.0.93" in installed[1]
