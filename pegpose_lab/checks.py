@@ -63,6 +63,8 @@ class Flag(str):
     size-swapped              the principal point is that of an image with width and height swapped
     edge-of-box               the genetic algorithm's solution sits on the edge of its box
     drawn-not-found           the objective is the same everywhere: the solution says nothing
+    bore-not-measured         the bore was found, but its edge could not be measured
+    screw-not-measured        a screw was found, but its edge could not be measured
     unknown                   a sentence alone, as in a file of an earlier version
     ========================  =======================================================================
 

@@ -48,7 +48,7 @@ class Discs:
         A (positive for bright discs; grey values), s (px), standard deviation of the noise (grey values).
     accepted : (n,) bool
     reasons : (n,) str
-        Empty where accepted.
+        Empty where accepted, else one of `REASONS` in `pegpose_lab.discs.reasons`, which explains each.
 
     Examples
     --------

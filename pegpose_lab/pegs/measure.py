@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..checks import DetectionError
+from ..checks import DetectionError, Flag
 from ..discs import fit_discs
 from .candidates import _as_circles
 from .rings import RADIUS_TOLERANCE
@@ -31,9 +31,10 @@ class PegObservation:
         px.
     bore_center, bore_radius, bore_sigma : (2,) ndarray, float and (2,) ndarray
         px.
-    flags : tuple of str
-        What is wrong with parts that were found but not measured, "screw 2: edge hidden".  Their values are those
-        of the Hough transform (to a pixel or two) and their sigmas infinite.  Pegs are always measured.
+    flags : tuple of Flag
+        A sentence with a code for the bore and each screw that was found but could not be measured, "screw 2: edge
+        hidden" (the reasons are those of `fit_discs`, or "no disc there").  Centre and radius are then those of the
+        Hough transform (accurate to a pixel or two), the sigmas infinite.  Pegs are always measured.
 
     Examples
     --------
@@ -58,7 +59,7 @@ class PegObservation:
     bore_center: np.ndarray
     bore_radius: float
     bore_sigma: np.ndarray
-    flags: tuple = ()
+    flags: tuple[Flag, ...] = ()
 
 
 # ---- measuring ----
@@ -84,7 +85,7 @@ def _measure(image, circles, ring, labelling, hub):
         bore_center=parts[n, :2],
         bore_radius=float(parts[n, 2]),
         bore_sigma=sigmas[n],
-        flags=tuple(f"{name}: {reason}" for name, reason in zip(names, reasons, strict=False) if reason),
+        flags=_flags_of(names, reasons),
     )
 
 
@@ -109,6 +110,18 @@ def _fit_parts(image, located):
         [str(reason) for reason in reasons],
         axes @ axes.transpose(0, 2, 1),
     )
+
+
+def _flags_of(names, reasons):
+    """A flag for each part that could not be measured; `_check_fits` lets no peg through."""
+    flags = []
+    for name, reason in zip(names, reasons, strict=True):
+        text = f"{name}: {reason}"
+        if reason and name == "bore":
+            flags.append(Flag("bore-not-measured", text))
+        elif reason:
+            flags.append(Flag("screw-not-measured", text))
+    return tuple(flags)
 
 
 def _check_fits(reasons, names, n_pegs):

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.paper import paper_experiment
 from pegpose_lab.pegs import locate_pegs, track_pegs
-from pegpose_lab.pegs.measure import _check_fits, _check_shapes
+from pegpose_lab.pegs.measure import _check_fits, _check_shapes, _flags_of
 from pegpose_lab.pegs.rings import _rings_around
 from pegpose_lab.pose import estimate_pose
 from pegpose_lab.render import render_hub
@@ -157,6 +157,12 @@ def test_every_peg_and_a_screw_must_be_measured():
         _check_fits(["", "", "no edge", "", "", ""], names, 3)
     with pytest.raises(DetectionError, match="screw 1"):
         _check_fits(["", "", "", "", "chi2", "chi2"], names, 3)
+
+
+def test_a_part_that_is_not_measured_has_a_flag_with_a_code():
+    flags = _flags_of(["peg 1", "bore", "screw 1", "screw 2"], ["", "chi2", "", "edge hidden"])
+    assert [flag.code for flag in flags] == ["bore-not-measured", "screw-not-measured"]
+    assert [flag.text for flag in flags] == ["bore: chi2", "screw 2: edge hidden"]
 
 
 # ---- something is missing ----
