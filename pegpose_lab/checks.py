@@ -1,4 +1,4 @@
-"""What every public function demands of its input, and the package's errors."""
+"""What every public function requires of its input, and the errors and flags of the package."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 
 class DetectionError(RuntimeError):
-    """A picture does not show what was looked for; the message says what was seen and what to change.
+    """The image does not show what was looked for; the message says what was seen and what to change.
 
     Examples
     --------
@@ -33,7 +33,7 @@ class DetectionError(RuntimeError):
 
 
 class CalibrationError(RuntimeError):
-    """The data do not determine the camera; the message says why and what to measure instead.
+    """The measurements do not determine the camera; the message says why and what to measure instead.
 
     Examples
     --------
@@ -48,21 +48,21 @@ class CalibrationError(RuntimeError):
 
 
 class Flag(str):
-    """What the reader of a result must know: a sentence, with a code by which programs tell what it says.
+    """A warning that comes with a result: a sentence for the reader, and a code for programs.
 
     ``str(flag)``, ``flag.text`` and the flag itself are the sentence; ``flag.code`` is one of
 
     ========================  =======================================================================
     loose-focal-length        the 95 % interval of f is wide: f trades off with T_z
     loose-principal-point     the 95 % interval of the principal point is wide
-    little-tilt               the planes are tilted by little, and f rests on that alone
-    noisy-focal-length        the points' noise makes much of what the views seem to know of f
+    little-tilt               the planes are only slightly tilted, and f depends on that tilt alone
+    noisy-focal-length        much of what the views seem to tell about f may be noise
     misfit-lens               a lens model with more parameters fits the points better
     misfit-view               some views do not fit the others
     points-outside            some points lie outside of the image
     size-swapped              the principal point is that of an image with width and height swapped
     edge-of-box               the genetic algorithm's solution sits on the edge of its box
-    drawn-not-found           the objective is the same everywhere: the solution says nothing
+    drawn-not-found           the objective is the same everywhere: the solution is arbitrary
     bore-not-measured         the bore was found, but its edge could not be measured
     screw-not-measured        a screw was found, but its edge could not be measured
     unknown                   a sentence alone, as in a file of an earlier version
@@ -105,7 +105,7 @@ class Flag(str):
 
 @contextmanager
 def undetermined_if_singular() -> Iterator[None]:
-    """As a decorator: numpy's LinAlgError of a matrix that rounding makes singular comes out as `CalibrationError`."""
+    """Decorator: raise `CalibrationError` where numpy raises LinAlgError because rounding made a matrix singular."""
     try:
         yield
     except np.linalg.LinAlgError as error:
@@ -132,7 +132,7 @@ def as_image(image: ArrayLike | None, name: str = "image") -> NDArray[np.uint8]:
     if array.ndim != 2 or array.size == 0 or array.dtype != np.uint8:
         raise ValueError(
             f"{name} has shape {array.shape} and type {array.dtype}; expected a non-empty (height, width) "
-            "picture of type uint8 (convert colour with cv2.cvtColor, 16 bits by scaling to 0..255)"
+            "image of type uint8 (convert colour with cv2.cvtColor, 16 bits by scaling to 0..255)"
         )
     return np.ascontiguousarray(array)
 
@@ -168,9 +168,9 @@ def as_points(points: ArrayLike | None, dimension: int, name: str, minimum: int 
 def as_matched_points(
     object_points: ArrayLike, image_points: ArrayLike, minimum: int = 1, view: str = ""
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return one view's (n, 3) object points and (n, 2) image points, checked to be of one length.
+    """Return the (n, 3) object points and (n, 2) image points of one view, checked to have equal lengths.
 
-    `view` follows the names of both in messages: "[3]".
+    `view` is appended to both names in messages, for example "[3]".
 
     Raises
     ------
@@ -215,7 +215,7 @@ def as_count(value: Any, name: str, minimum: float = 0, maximum: float = np.inf)
     Raises
     ------
     ValueError
-        If it is not such a number; text and truth values are none.
+        If it is not such a number; strings and booleans are refused.
     """
     number = as_number(value, name)
     if number != int(number) or not minimum <= number <= maximum:
@@ -225,12 +225,12 @@ def as_count(value: Any, name: str, minimum: float = 0, maximum: float = np.inf)
 
 
 def as_choice(value: Any, name: str, choices: Iterable[T]) -> T:
-    """Return that one of `choices` (strings, numbers) which `value` equals.
+    """Return the one of `choices` (strings or numbers) that equals `value`.
 
     Raises
     ------
     ValueError
-        If there is none; the message lists them.
+        If none of them equals it; the message lists the choices.
     """
     for choice in choices:
         if isinstance(value, str) == isinstance(choice, str) and np.ndim(value) == 0 and value == choice:
@@ -254,13 +254,13 @@ def as_pose(pose: RigidTransform, name: str) -> RigidTransform:
 def as_views(
     object_points: Sequence[ArrayLike], image_points: Sequence[ArrayLike], minimum: int
 ) -> list[list[NDArray[np.float64]]]:
-    """Return the points of several views as two lists of checked arrays, (n, 3) and (n, 2), one entry a view.
+    """Return the points of several views as two lists of checked arrays, (n, 3) and (n, 2), one array per view.
 
     Raises
     ------
     ValueError
-        If they are no such lists, a view has fewer than `minimum` points, or its points lie on a line; the message
-        names the view, counted from 0.
+        If they are not such lists, a view has fewer than `minimum` points, or the points of a view lie on a line;
+        the message names the view, counted from 0.
     """
     for views, name in ((object_points, "object_points"), (image_points, "image_points")):
         _demand_sequence(views, name)
@@ -281,7 +281,7 @@ def as_views(
 
 
 def _demand_sequence(views, name):
-    """Refuse what is not a sequence of one array or more for each view."""
+    """Raise if `views` is not a sequence with at least one array."""
     if isinstance(views, np.ndarray) and views.ndim < 3 and views.dtype != object:
         raise ValueError(
             f"{name} has shape {views.shape}; expected a sequence of arrays, one for each view (of one view: [array])"

@@ -1,4 +1,4 @@
-"""The project's folders, and files that are replaced as a whole or not at all."""
+"""The folders of the project, and writing files so that they are replaced completely or not at all."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ MEASURED_FOLDER = PROJECT_FOLDER / "data" / "measured"
 
 
 def output_folder() -> Path:
-    """Folder below which figures/ and data/results/ are written."""
+    """The folder in which figures/ and data/results/ are written."""
     return Path(os.environ.get("PEGPOSE_OUTPUT") or PROJECT_FOLDER)
 
 
 def results_folder(root: Path | None = None) -> Path:
-    """Folder below `root`, by default `output_folder`, of the tables and values that notebooks write and read."""
+    """The folder of the tables and values that notebooks write and read, in `root` (default: `output_folder`)."""
     return (root or output_folder()) / "data" / "results"
 
 
@@ -31,8 +31,8 @@ def results_folder(root: Path | None = None) -> Path:
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` if the block succeeds, else remove it.
 
-    The file is as a plain `open` would leave it: a link goes on pointing to what is replaced, a file that was there
-    keeps its mode and owner, and a new one has the mode that the umask gives.
+    The result is as with a plain `open`: a symbolic link still points to the replaced file, an existing file keeps
+    its mode and owner, and a new file gets the mode that the umask gives.
     """
     path = Path(os.path.realpath(path))
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -48,14 +48,14 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def _new_file_beside(path, mode):
-    """Make an empty hidden file in the folder of `path`, which nobody may read who may not read `path`."""
+    """Make an empty hidden file in the folder of `path`, readable only by those who may read `path`."""
     part = path.with_name(f".{secrets.token_hex(8)}{path.suffix}")
     os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, mode | stat.S_IWUSR))  # less the umask
     return part
 
 
 def _give_back(part, before):
-    """Give a file the owner and mode of another, as far as the file system knows them."""
+    """Give a file the owner and mode in `before`, as far as the file system supports them."""
     now = part.stat()
     if (now.st_uid, now.st_gid) != (before.st_uid, before.st_gid):
         with suppress(OSError):

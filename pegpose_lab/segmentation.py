@@ -1,4 +1,4 @@
-"""From a picture to its bright parts: Otsu's threshold, 8-connected components, area filter (Sect. 3.1)."""
+"""Segmentation of an image into its bright parts: Otsu's threshold, 8-connected components, area filter (Sect. 3.1)."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .checks import DetectionError, as_image, as_number
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-AREA_SHARE = 1e-4  # default min_area as a part of the picture
+AREA_SHARE = 1e-4  # default min_area as a fraction of the image
 BIMODAL = 4.5  # Ashman's D above which a part's grey values are two classes
-STEP_SHARE = 0.1  # least step between two classes, as a part of the step between white and black
+STEP_SHARE = 0.1  # smallest step between two classes, as a fraction of the step between white and black
 MAX_DEPTH = 4
-OUTLINE = np.ones((5, 5), np.uint8)  # pixels this near to an outline are mixed by blur
+OUTLINE = np.ones((5, 5), np.uint8)  # blur mixes the grey levels of pixels this close to an outline
 MAX_LABELS = np.iinfo(np.uint16).max
 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """The bright parts of a picture, numbered 1 to n from the top.
+    """The bright parts of an image, numbered 1 to n from the top.
 
     Attributes
     ----------
@@ -61,46 +61,46 @@ class Segmentation:
 
 
 def segment(image: ArrayLike, *, min_area: float | None = None, threshold: float | None = None) -> Segmentation:
-    """Find the bright parts of a picture.
+    """Segment an image into its bright parts with Otsu's threshold (see below).
 
     Pixels above Otsu's global threshold are white; 8-connected white parts smaller than `min_area` are
     removed as noise (Sect. 3.1).  One threshold is not enough where there are three grey levels: with a
-    background darker than the hub, hub and pegs end up in one white part, with a background
-    brighter than the pegs, they end up together in the black one.  So without an explicit `threshold`
+    background darker than the hub, hub and pegs end up in one white part; with a background
+    brighter than the pegs, both end up in the black part.  So without an explicit `threshold`
 
     * a white part is split at the Otsu threshold of its own grey values when these are bimodal and
       the split shows either several parts, or one that stands out from the rest by more than the
       rest stands out from the black around it (a disc on a plate, but not a highlight on a disc);
       the darker pixels of a part that is split become black;
-    * a black part is searched in the same way, and what is found counts where it touches nothing white.
+    * a black part is searched in the same way; the bright parts found in it count if they touch nothing white.
 
-    Both are repeated within what is found, at most four deep.  "Bimodal" means that the classes' distance
-    is large against their widths: Ashman's D = sqrt(2) |m1 - m2| / sqrt(v1 + v2) > 4.5, with means m and
-    variances v (that of rounding included) on either side of Otsu's threshold.  Unlike Otsu's separability
+    Both are repeated within the parts that are found, down to a depth of four.  "Bimodal" means that the classes' distance
+    is large compared with their widths: Ashman's D = sqrt(2) |m1 - m2| / sqrt(v1 + v2) > 4.5, with means m and
+    variances v (including that of rounding) on either side of Otsu's threshold.  Unlike Otsu's separability
     it does not depend on the classes' sizes (pegs are a few per cent of their hub): a Gaussian has
     D = 2.65, a uniform ramp 3.46, two Gaussians six standard deviations apart 6.  It is measured on the pixels
     that are not within 2 px of the part's outline, where blur mixes the levels, averaged over 3 x 3 pixels
-    against noise.  Steps of less than a tenth of the step between white and black do not count.
+    to reduce noise.  Steps of less than a tenth of the step between white and black do not count.
 
     Parameters
     ----------
     image : (height, width) uint8
     min_area : float, optional
-        px; by default 1e-4 of the picture (192 px of 1600 x 1200), at least 4 px.
+        px; by default 1e-4 of the image (192 px of 1600 x 1200), at least 4 px.
     threshold : float in [0, 255], optional
         Use this threshold and split nothing.
 
     Returns
     -------
     Segmentation
-        Without parts if all are smaller than `min_area`.
+        With no parts if all are smaller than `min_area`.
 
     Raises
     ------
     ValueError
         If an argument is unusable.
     DetectionError
-        If the picture is constant and no threshold is given, or more than 65535 parts are found.
+        If the image is constant and no threshold is given, or more than 65535 parts are found.
 
     References
     ----------
@@ -165,7 +165,7 @@ def _components(white, least):
 
 
 def _few_labels(white):
-    """Whether 16 bits are enough for provisional labels: no more than white runs that start a row's part."""
+    """Whether 16 bits are enough for the provisional labels, which are no more than the white runs in all rows."""
     height, width = white.shape
     if (height + 1) // 2 * ((width + 1) // 2) < MAX_LABELS:
         return True
@@ -176,7 +176,7 @@ def _few_labels(white):
 
 
 def _split_white(image, mask, parts, least, step, depth=MAX_DEPTH):
-    """Split bimodal white parts, in place in `mask`; the thresholds used."""
+    """Split bimodal white parts, in place in `mask`; return the thresholds used."""
     levels = []
     for window, inside, split, brighter in _bimodal_parts(image, parts, least, step) if depth > 0 else ():
         found = _components(brighter, least)
@@ -190,9 +190,9 @@ def _split_white(image, mask, parts, least, step, depth=MAX_DEPTH):
 
 
 def _split_black(image, mask, level, least, step):
-    """Add the islands in bimodal black parts to `mask`, in place; the thresholds used.
+    """Add the islands in bimodal black parts to `mask`, in place; return the thresholds used.
 
-    Where all dark pixels together are far from bimodal (D < 3) no part of them is looked at.
+    If all dark pixels together are far from bimodal (D < 3), no part of them is searched.
     """
     counts = cv2.calcHist([cv2.blur(image, (3, 3))], [0], None, [256], [0, 256]).ravel()
     counts[int(level) + 1 :] = 0
@@ -211,7 +211,7 @@ def _split_black(image, mask, level, least, step):
 
 
 def _bimodal_parts(image, parts, least, step):
-    """For each part to be split: its window, its pixels there, the split, and those of them above it."""
+    """For each part to be split: its window, its pixels there, the split, and the pixels above its threshold."""
     for number, box in enumerate(parts.boxes, 1):
         if parts.areas[number - 1] < 2 * least:
             continue
@@ -256,12 +256,12 @@ def _picture_step(image, level):
 
 
 def _inner_counts(image, inside):
-    """Histogram of the pixels `inside`, away from the outline, in the 3 x 3 averaged picture."""
+    """Histogram of the pixels `inside`, away from the outline, in the 3 x 3 averaged image."""
     return cv2.calcHist([cv2.blur(image, (3, 3))], [0], cv2.erode(inside, OUTLINE), [256], [0, 256]).ravel()
 
 
 def _bimodal_split(counts, step, limit=BIMODAL):
-    """Otsu's threshold of a histogram, or None if its classes are not apart (`segment` says when they are)."""
+    """Otsu's threshold of a histogram, or None if it is not bimodal in the sense of `segment`."""
     counts, grey = counts.astype(float), np.arange(256.0)
     below, first, second = np.cumsum(counts), np.cumsum(counts * grey), np.cumsum(counts * grey**2)
     above = below[-1] - below
@@ -280,7 +280,7 @@ def _bimodal_split(counts, step, limit=BIMODAL):
 
 
 def _stands_out(image, mask, inside, split):
-    """Whether the bright class differs more from the dark one than that does from the black around the part."""
+    """Whether the bright class differs more from the dark class than the dark class from the black around the part."""
     near = cv2.dilate(inside, OUTLINE)
     around = cv2.dilate(near, np.ones((3, 3), np.uint8)) & ~near & ~mask
     outside = image[around > 0]

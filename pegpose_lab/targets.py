@@ -1,4 +1,4 @@
-"""Geometry of what the camera looks at: a checkerboard, and a wheel-hub with pegs (Sect. 4)."""
+"""Geometry of the targets that the camera sees: a checkerboard, and a wheel hub with pegs (Sect. 4)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .checks import as_count, as_number
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-MOST_PEGS = 14  # that `locate_pegs` can tell apart around a bore
+MOST_PEGS = 14  # the largest number of pegs around a bore that `locate_pegs` can handle
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Checkerboard:
 
 @dataclass(frozen=True)
 class Hub:
-    """A wheel-hub: pegs on a pitch circle, a bore in the middle, two screws in the gaps between pegs.
+    """A wheel hub: pegs on a pitch circle, a bore in the middle, two screws in the gaps between pegs.
 
     The hub frame has its origin in the hub's centre in the plane of the peg tops, x towards peg 1 and z
     away from the camera; the base, with bore and screws, lies at z = `peg_height`.  Table 2 gives the
@@ -74,12 +74,12 @@ class Hub:
     Parameters
     ----------
     n_pegs : int
-        3 to 14: more cannot be located.
+        3 to 14; hubs with more pegs cannot be located.
     pitch_circle_diameter, peg_radius, peg_height, bore_radius, screw_radius, screw_circle_diameter, radius : float
         mm; `radius` is the base's outer radius.
     screw_angles : tuple of float
-        rad about z from peg 1, at least one: without a screw pegs cannot be labelled; the first belongs to the gap before
-        peg 1.  By default the middles of the gap between the last peg and peg 1, and of the one opposite to it.
+        rad about z from peg 1; at least one, because the pegs cannot be labelled without a screw.  The first one lies in
+        the gap before peg 1.  By default the screws lie in the middle of that gap and of the gap opposite to it.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Corners of a checkerboard in an image, to sub-pixel accuracy (Sect. 4).
 
-OpenCV finds the grid (`grid`); what it is worth is then decided by one fit for all corners (`fit`),
-and by what lies around the grid (`whole_board`).
+OpenCV finds the grid (`grid`).  A sub-pixel fit of all corners (`fit`) and the surroundings of the grid
+(`whole_board`) then decide whether it is accepted.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     from ..targets import Checkerboard
 
-WINDOW = 15.0  # px, largest radius of a window: noise falls with it, the pull of edges bent by the lens grows
+WINDOW = 15.0  # px, largest radius of a window: a larger one has less noise, but more bias from edges that the lens bends
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
 SMALLEST_PITCH = 7.0  # px between neighbouring corners; below, a window holds too few pixels
-PASSES = 3  # of the fit; where the grid was found then moves a corner by less than 1e-5 px
+PASSES = 3  # of the fit; after them the place where the grid was found changes a corner by less than 1e-5 px
 LARGEST_MOVE = 0.25  # of the pitch, from where the grid was found
 LARGEST_SIGMA = 0.5  # px
 LARGEST_MISFIT = 0.4  # of the contrast, or 3 times the board's median (noise): beyond, something covers it
@@ -31,7 +31,7 @@ SMALLEST_CONTRAST = 0.15  # of the board's median
 
 
 def find_corners(image: ArrayLike, board: Checkerboard) -> NDArray[np.float64]:
-    """Find the inner corners of a checkerboard.
+    """Find the inner corners of a checkerboard (chessboard) to sub-pixel accuracy.
 
     Parameters
     ----------
@@ -50,18 +50,18 @@ def find_corners(image: ArrayLike, board: Checkerboard) -> NDArray[np.float64]:
         If the image is unusable or the board has fewer than 3 columns or rows.
     DetectionError
         If the whole board is not seen, the pattern goes on beyond it, its corners are too close together, one of
-        them is not a clear crossing of two edges, or odd and even lines are shifted.
+        them is not a clear crossing of two edges, or odd and even lines are shifted (interlacing).
 
     Notes
     -----
     Columns run along x and rows along y of a frame whose z axis points away from the camera: the order
-    is never that of a mirrored board.  What rotations are left is decided by the colours where they
+    is never that of a mirrored board.  The remaining rotations are told apart by the colours where these
     differ: the square outside the first corner (diagonally opposite to the board's inside) is black.  Where
     several orders remain (the paper's 8 x 6 board looks the same after half a turn), the first corner is the
-    one nearest to the top left of the picture.
+    one nearest to the top left of the image.
 
-    The search sees the image at fixed sizes (see `grid`), so its time has a bound where there is no board.
-    In an image of 12 megapixels, squares below some 12 px may be missed.
+    The search uses the image at fixed sizes (see `grid`), so its time is bounded even where there is no board.
+    In an image of 12 megapixels, squares smaller than about 12 px may be missed.
 
     Examples
     --------
@@ -100,14 +100,14 @@ def _not_found(image, board, refusal):
     height, width = image.shape
     instead = f"; a board of {seen[0]} x {seen[1]} is seen" if seen else ""
     return DetectionError(
-        f"no board of {board.columns} x {board.rows} inner corners in the {width} x {height} picture (grey values "
+        f"no board of {board.columns} x {board.rows} inner corners in the {width} x {height} image (grey values "
         f"{image.min()} to {image.max()}){instead}; show the whole board with a light rim, evenly lit and in "
         "focus; check columns and rows"
     )
 
 
 def _seen_size(image):
-    """Columns and rows, the larger first, of the clear corners of whatever board is seen, or None."""
+    """Numbers of columns and rows, the larger first, of the clear corners of any board that is seen, or None."""
     grid, view = seen_grid(image)
     if grid is None or min(grid.shape[:2]) < 3 or _edge_normals(grid)[1].min() < SMALLEST_PITCH:
         return None
@@ -129,7 +129,7 @@ def _measure(image, grid, view, scale, offset):
 
 
 def _orient(image, grid):
-    """Turn a grid into the order that `find_corners` promises."""
+    """Reorder a grid as the docstring of `find_corners` says."""
     right, down = (grid[:, -1] - grid[:, 0]).mean(axis=0), (grid[-1] - grid[0]).mean(axis=0)
     if right[0] * down[1] - right[1] * down[0] < 0:
         grid = grid[::-1]
@@ -155,7 +155,7 @@ def _refine(image, grid):
     if pitch < SMALLEST_PITCH:
         raise DetectionError(
             f"neighbouring corners are down to {pitch:.1f} px apart; at least {SMALLEST_PITCH:g} px are "
-            "needed: bring the board closer or take a larger picture"
+            "needed: bring the board closer or take a larger image"
         )
     corners, fits = _fit(image, grid)
     _check(corners, fits, grid)
@@ -165,8 +165,8 @@ def _refine(image, grid):
 def _fit(image, grid, passes=PASSES):
     """Corners (n, 2), px, of a grid (rows, columns, 2), and their fits.
 
-    Window and start come from the grid at first, then from the corners: what is found depends on the image
-    alone.  All passes but the last are rough; they end where a tenth of the corners are unclear.
+    Window and start come from the grid at first, then from the corners, so the result depends on the image
+    alone.  All passes but the last are rough; they stop if more than a tenth of the corners are unclear.
     """
     corners = grid.reshape(-1, 2)
     start = _edge_normals(grid)[0]
@@ -214,7 +214,7 @@ def _windows(image, pixels, offsets, radii):
 def _unclear(corners, fits, grid, converged=False):
     """Which corners (n,) ran away, did not converge, are covered, or have the colours of their neighbours.
 
-    With `converged` all are taken to have converged (a rough fit).
+    With `converged` all fits count as converged (for a rough fit).
     """
     row, column = np.divmod(np.arange(len(corners)), grid.shape[1])
     amplitude = fits.parameters[:, 6]

@@ -4,14 +4,15 @@ Near a corner the image of two crossing edges is
 
     I = m + a S(d_1) S(d_2) + g_x x + g_y y,
 
-d_1 and d_2 the signed distances to the edges and g a gradient of the light, which would otherwise pull the corner.
+where d_1 and d_2 are the signed distances to the edges and g is a gradient of the light, which would otherwise bias
+the corner.
 S is the profile of an edge, from -1 to 1.  A step, blurred by a Gaussian of s px and averaged over a pixel one px
 wide, is
 
     F(d, s) = H(d + 1/2) - H(d - 1/2),   H(t) = t erf(t / (sqrt(2) s)) + sqrt(2 / pi) s exp(-t^2 / (2 s^2)).
 
-Without the pixel's width the profile of a sharp, nearly upright edge is off by up to 0.05 px.  Cameras sharpen on
-top, which no blur describes: an unsharp mask of amount k and Gaussian u makes of it
+Without the pixel's width the profile of a sharp, nearly vertical edge is wrong by up to 0.05 px.  Cameras also
+sharpen, which no blur describes: with an unsharp mask of amount k and Gaussian u the profile becomes
 
     S(d) = (1 + k) F(d, s) - k F(d, sqrt(s^2 + u^2)).
 
@@ -29,9 +30,9 @@ SHARPENING = 0.9  # px, the Gaussian of the unsharp mask that stands for a camer
 SMALLEST_VARIANCE, BLEND = 0.04, 0.15  # px^2, where blur gives way to sharpening, and how softly
 LEAST_VARIANCE, LARGEST_VARIANCE = -1.5, 25.0  # px^2
 _STEPS = 60
-_GAUSS_NEWTON_STEPS = 10  # a rough fit has no others; these are Newton's, as with large residuals the former crawl
+_GAUSS_NEWTON_STEPS = 10  # a rough fit has no others; later ones are Newton's, since Gauss-Newton is slow with large residuals
 _TOLERANCE, _ROUGH_TOLERANCE = 3e-4, 3e-2  # of the corner's standard deviation: a step that moves nothing
-_ROUNDING = 1e-7  # px: where the residual is nothing but rounding
+_ROUNDING = 1e-7  # px: where the residual is only rounding
 _STEP_LIMITS = np.array([1.0, 1.0, 0.2, 0.2, 0.3] + [np.inf] * 4)
 _BLUR = 4  # its column
 _REACH = 7.5  # times the blur: there the profile is flat to 1e-13
@@ -71,7 +72,7 @@ def fit_corners(values, weights, lattice, start, rough=False):
     start : (n, 4) or (n, 9) ndarray
         The first four parameters or all.
     rough : bool
-        Stop within some hundredths of the corner's standard deviation, not some ten-thousandths.
+        Stop within a few hundredths of the corner's standard deviation, not a few ten-thousandths.
 
     Returns
     -------
@@ -80,7 +81,7 @@ def fit_corners(values, weights, lattice, start, rough=False):
     Notes
     -----
     A step is taken only where it lowers the window's own sum of squares.  v stays within its limits; while
-    it is pressed against one of them it is no unknown.
+    it is at one of them and pushed beyond, it is held fixed.
     """
     parameters = start.copy() if start.shape[1] == 9 else _first_guess(values, weights, lattice, start)
     tolerance = _ROUGH_TOLERANCE if rough else _TOLERANCE

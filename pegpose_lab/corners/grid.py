@@ -1,8 +1,8 @@
 """Where the corners of a checkerboard are, to a pixel of a reduced image, in bounded time.
 
-OpenCV's detectors find the grid.  Their time grows with the image, and for one of them without bound where
-there is no board; they need no more than six pixels a square.  So they see the image at two fixed sizes, and at
-last, where that is larger still, the part of it that holds most saddle points, for a small board in a large image.
+OpenCV's detectors find the grid.  Their time grows with the image, for one of them without bound where there is
+no board, and they need only about six pixels per square.  So they are given the image at two fixed sizes and, if it
+is larger still, finally the part of it with most saddle points, for a small board in a large image.
 """
 
 import cv2
@@ -15,7 +15,7 @@ _SEVEN = np.ones((7, 7), np.uint8)
 
 
 def candidate_grids(image, columns, rows):
-    """Yield grids that may be a board of columns x rows inner corners, from the cheapest search on.
+    """Yield grids that may be a board of columns x rows inner corners, the cheapest search first.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def candidate_grids(image, columns, rows):
     Yields
     ------
     corners : (rows, columns, 2) ndarray
-        px of `view`, to a pixel or so, in any of the orders that fit the board; all within the view.
+        px of `view`, accurate to about a pixel, in any of the orders that fit the board; all within the view.
     view : (h, w) uint8
         The image that was searched: reduced, enlarged, or cut out.
     scale, offset : float, (2,) ndarray
@@ -54,7 +54,7 @@ def seen_grid(image):
 
 
 def _views(image):
-    """The images to be searched, their scales and offsets, and what searches them."""
+    """The images to be searched, their scales and offsets, and the detectors for each."""
     normalized = cv2.CALIB_CB_NORMALIZE_IMAGE
     sectors = cv2.findChessboardCornersSB, normalized
     exhaustive = cv2.findChessboardCornersSB, cv2.CALIB_CB_EXHAUSTIVE

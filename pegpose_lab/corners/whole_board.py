@@ -7,7 +7,7 @@ from ..checks import DetectionError
 _OUTSIDE = 1.2, 1.35, 1.5, 1.65  # squares beyond the outermost corners: in the second square, its nearer half
 _INSIDE = -0.35, -0.5, -0.65  # in the first square inside
 _ACROSS = 0.35, 0.5, 0.65  # of a square
-SMALLEST_CONTRAST = 0.4  # of the contrast inside: what alternates less is no square
+SMALLEST_CONTRAST = 0.4  # of the contrast inside: what alternates less is not a square
 LARGEST_COMBING = 1.2  # 0.2 to 0.4 in photographs, 1 in noise; two fields 2 px apart have 1.3 to 3, 6 px 4 to 18
 _SIDES = "left", "right", "upper", "lower"
 
@@ -29,8 +29,8 @@ def check_ends(image, grid):
 
     Notes
     -----
-    Only what lies in the image can be seen; a side with fewer than four squares of the second row in it is not
-    judged.
+    Only what lies in the image can be checked; a side with fewer than four squares of the second row in the image is
+    not.
     """
     sides = grid.transpose(1, 0, 2), grid[:, ::-1].transpose(1, 0, 2), grid, grid[::-1]
     for name, lines in zip(_SIDES, sides, strict=True):
@@ -55,7 +55,7 @@ def check_fields(image, grid):
     Raises
     ------
     DetectionError
-        If lines differ more from their neighbours than from the next but one.  A shift of a pixel goes unseen.
+        If lines differ more from their neighbours than from the lines after those.  A shift of one pixel is not noticed.
     """
     (left, top), (right, bottom) = grid.reshape(-1, 2).min(axis=0), grid.reshape(-1, 2).max(axis=0)
     part = image[max(int(top), 0) : int(bottom) + 2, max(int(left), 0) : int(right) + 2].astype(float)
