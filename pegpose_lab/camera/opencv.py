@@ -1,4 +1,4 @@
-"""OpenCV's camera: a matrix, and coefficients that distort."""
+"""OpenCV's camera: an intrinsic matrix, and distorting coefficients of the lens."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ..checks import as_points
 from .pinhole import UNKNOWN_SIZE, _as_size, _Camera
 
 COEFFICIENT_NAMES = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"]
-"""Of ``dist_coeffs``, in OpenCV's order."""
+"""The names of the values in ``dist_coeffs``, in OpenCV's order."""
 
 LARGEST_SKEW = 1e-9
-"""px: what a matrix that was computed may have in place of 0; it moves no point by more."""
+"""px: largest skew of a computed matrix that still counts as 0; it moves no point by more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class OpenCVCamera(_Camera):
         return dict(zip(("f_x", "f_y", "c_x", "c_y", *COEFFICIENT_NAMES), map(float, values), strict=False))
 
     def to_opencv(self) -> OpenCVCamera:
-        """The camera itself: what is asked of any camera needs no question which one it is."""
+        """Return the camera itself, so that callers need not ask which model they have."""
         return self
 
     def from_normalized(self, normalized: ArrayLike) -> NDArray[np.float64]:
@@ -116,7 +116,7 @@ class OpenCVCamera(_Camera):
         return image_points.reshape(-1, 2), jacobian[:, 3:5].reshape(-1, 2, 2)
 
     def scaled(self, scale: float) -> OpenCVCamera:
-        """Return the camera whose picture is the same with `scale` times the pixels along each axis."""
+        """Return the camera with the same image at `scale` times the pixels along each axis."""
         to_scaled = np.array([[scale, 0, 0.5 * scale - 0.5], [0, scale, 0.5 * scale - 0.5], [0, 0, 1]])
         return OpenCVCamera(to_scaled @ self.camera_matrix, self.dist_coeffs, self._scaled_size(scale))
 

@@ -1,4 +1,4 @@
-"""What all camera models share: projection to pixels, and rays back into the scene."""
+"""What all camera models share: projection to pixels, and back-projection of pixels to rays in the scene."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from .opencv import OpenCVCamera
 
 UNKNOWN_SIZE = (1, 1)
-"""px: the image size of a camera to which none was given."""
+"""px: the image size of a camera if none is given."""
 
 
 class _Camera:
-    """The interface of all models: what each has of its own, and what follows from it."""
+    """The interface of all camera models: what each one defines, and what follows from that."""
 
     principal_point: tuple[float, float]
     """px"""
@@ -29,7 +29,7 @@ class _Camera:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """What a calibration can estimate, f first, by the names that `Calibration.covariance` has."""
+        """What a calibration can estimate (the intrinsics), f first, with the names used in `Calibration.covariance`."""
         raise NotImplementedError
 
     def from_normalized(self, normalized: ArrayLike) -> NDArray[np.float64]:
@@ -57,7 +57,7 @@ class _Camera:
         Returns
         -------
         (n, 2) ndarray
-            px; points outside the picture are returned too.
+            px; points outside the image are returned too.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class _Camera:
         return np.column_stack([normalized, np.ones(len(normalized))])
 
     def _scaled_size(self, scale):
-        """Width and height of the picture with `scale` times the pixels along each axis."""
+        """Width and height of the image with `scale` times the pixels along each axis."""
         return tuple(max(1, round(scale * side)) for side in self.image_size)
 
 

@@ -1,4 +1,4 @@
-"""Radial distortion as in Eq. 3, both ways: from a distorted radius, and back to it."""
+"""Radial lens distortion as in Eq. 3: distorted radii from undistorted ones, and how far that is possible."""
 
 import numpy as np
 
@@ -43,7 +43,7 @@ def distort_radius(radius, kappa1):
         root = np.sinh(np.arcsinh(argument) / 3)
     elif np.all(pincushion):
         root = np.sin(np.arcsin(np.minimum(argument, 1.0)) / 3)
-    else:  # each form where it holds, for they take most of the time
+    else:  # each form only where it holds, since they take most of the time
         barrel, pincushion = (np.broadcast_to(chosen, argument.shape) for chosen in (~pincushion, pincushion))
         third = np.arcsinh(argument, where=barrel, out=np.zeros(argument.shape))
         third = np.arcsin(np.minimum(argument, 1.0), where=pincushion, out=third) / 3

@@ -1,4 +1,4 @@
-"""What is known of a camera before it is calibrated: its pixels, and where the optical axis meets them."""
+"""What is known of a camera before calibration: its pixels, and where the optical axis meets them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class _Pixels:
-    """Between image px and mm on the sensor, given ``pixel_pitch``, ``principal_point`` and ``scale_x``."""
+    """Conversion between image px and mm on the sensor, given ``pixel_pitch``, ``principal_point`` and ``scale_x``."""
 
     pixel_pitch: tuple[float, float]
     principal_point: tuple[float, float]
@@ -38,12 +38,12 @@ class _Pixels:
 
 @dataclass(frozen=True)
 class Sensor(_Pixels):
-    """What is known of a camera before it is calibrated; it has no focal length, and no distortion.
+    """What is known of a camera before calibration; it has no focal length and no lens distortion.
 
     Parameters
     ----------
     pixel_pitch : (float, float)
-        d_x and d_y, mm/px.  Where it is not known, (1, 1): the calibrated f is then in px.
+        d_x and d_y, mm/px.  If it is not known, use (1, 1): the calibrated f is then in px.
     principal_point : (float, float)
         Centre of the frame, px.
     image_size : (int, int)

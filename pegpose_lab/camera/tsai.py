@@ -14,7 +14,7 @@ from .radial import distort_radius, max_undistorted_radius
 from .sensor import Sensor, _Pixels
 
 OPENCV_PLAIN, OPENCV_LIMIT = 1e-3, 0.05
-"""px: how far OpenCV's model with 5 and with 8 coefficients may be from a `TsaiCamera` in its picture."""
+"""px: how far OpenCV's model with 5 and with 8 coefficients may be from a `TsaiCamera` within the image."""
 
 RATIO_ROUNDS = 4
 """Weighted fits of a ratio of polynomials: more change its error by less than a tenth."""
@@ -22,7 +22,7 @@ RATIO_ROUNDS = 4
 
 @dataclass(frozen=True)
 class TsaiCamera(_Pixels, _Camera):
-    """The paper's camera (Fig. 4, Eq. 3).
+    """The paper's camera: a pinhole camera with radial lens distortion (Fig. 4, Eq. 3).
 
     Parameters
     ----------
@@ -103,26 +103,26 @@ class TsaiCamera(_Pixels, _Camera):
         return self.undistort(self.to_sensor(image_points)) / self.focal_length
 
     def scaled(self, scale: float) -> TsaiCamera:
-        """Return the camera whose picture is the same with `scale` times the pixels along each axis."""
+        """Return the camera with the same image at `scale` times the pixels along each axis."""
         pitch = np.array(self.pixel_pitch) / scale
         middle = scale * (np.array(self.principal_point) + 0.5) - 0.5
         return TsaiCamera(self.focal_length, pitch, middle, self._scaled_size(scale), self.kappa1, self.scale_x)
 
     def to_opencv(self) -> OpenCVCamera:
-        r"""Return the `OpenCVCamera` that agrees with this one over the picture, to `OPENCV_LIMIT` px.
+        r"""Return the `OpenCVCamera` that agrees with this one over the whole image, to `OPENCV_LIMIT` px.
 
         Eq. 3 maps distorted to undistorted radii, OpenCV's model the other way:
 
         .. math:: r_d = r \frac{1 + k_1 r^2 + k_2 r^4 + k_3 r^6}{1 + k_4 r^2 + k_5 r^4 + k_6 r^6}
 
-        is fitted to the inverse of Eq. 3 up to the farthest corner of the picture.  The denominator is 1, and
+        is fitted to the inverse of Eq. 3 up to the farthest corner of the image.  The denominator is 1, and
         there are 5 coefficients, where that is exact to `OPENCV_PLAIN` px; else there are 8.
 
         Raises
         ------
         ValueError
-            If the picture reaches beyond the range in which Eq. 3 can be inverted, or if OpenCV's model is farther from
-            it than `OPENCV_LIMIT` px somewhere in the picture.
+            If the image reaches beyond the range in which Eq. 3 can be inverted, or if OpenCV's model is farther from
+            it than `OPENCV_LIMIT` px somewhere in the image.
         """
         distorted = self._radii()
         undistorted = distorted * (1 + self.kappa1 * distorted**2)
@@ -135,19 +135,19 @@ class TsaiCamera(_Pixels, _Camera):
                 camera_matrix[:2, 2] = self.principal_point
                 return OpenCVCamera(camera_matrix, [*above[:2], 0, 0, above[2], *below], self.image_size)
         raise ValueError(
-            f"kappa1 = {self.kappa1:g} mm^-2 distorts the picture so strongly that OpenCV's model is up to "
+            f"kappa1 = {self.kappa1:g} mm^-2 distorts the image so strongly that OpenCV's model is up to "
             f"{error:.2g} px off; the limit is {OPENCV_LIMIT:g} px"
         )
 
     def _radii(self):
-        """Distorted radii, mm, from the principal point to the farthest corner of the picture."""
+        """Distorted radii, mm, from the principal point to the farthest corner of the image."""
         width, height = self.image_size
         corners = self.to_sensor([(0, 0), (width - 1, 0), (0, height - 1), (width - 1, height - 1)])
         farthest = np.hypot(*corners.T).max()
         limit = np.inf if self.kappa1 >= 0 else 1 / np.sqrt(-3 * self.kappa1)
         if farthest >= limit:
             raise ValueError(
-                f"kappa1 = {self.kappa1:g} mm^-2 folds the picture at {limit:g} mm from its centre; "
+                f"kappa1 = {self.kappa1:g} mm^-2 folds the image at {limit:g} mm from its centre; "
                 "no OpenCV model describes that"
             )
         return farthest * np.sin(np.linspace(0, np.pi / 2, 400))[1:]  # denser towards the corner, where errors grow
@@ -176,7 +176,7 @@ def _ratio(radius, above, below):
 
 
 def as_sensor(camera: Sensor | TsaiCamera) -> Sensor:
-    """What is known before a calibration, of a `Sensor` or of a `TsaiCamera`; ValueError if it is neither."""
+    """Return a `Sensor`, or that of a `TsaiCamera`, to start a calibration; ValueError if it is neither."""
     if not isinstance(camera, (Sensor, TsaiCamera)):
         raise ValueError(f"camera is {type(camera).__name__}; expected a Sensor or a TsaiCamera")
     return camera if isinstance(camera, Sensor) else camera.sensor

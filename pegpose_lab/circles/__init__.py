@@ -1,4 +1,4 @@
-"""Circles in a picture by Hough transforms: `find_circles`.
+"""Circle detection in an image by the Hough transform: `find_circles`.
 
 A detector is one file here with a function ``find(window, request)``, and one line in the registry `request.DETECTION_METHODS`
 (.github/CONTRIBUTING.md shows one).

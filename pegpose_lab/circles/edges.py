@@ -1,11 +1,11 @@
-"""Sobel gradients, and edges of one pixel's width."""
+"""Sobel gradients, and edges one pixel wide."""
 
 import cv2
 import numpy as np
 
 
 def _sobel(image):
-    """Sobel gradient (dx, dy) of a picture, border replicated."""
+    """Sobel gradient (dx, dy) of an image, border replicated."""
     return (
         cv2.Sobel(image, cv2.CV_16S, 1, 0, borderType=cv2.BORDER_REPLICATE),
         cv2.Sobel(image, cv2.CV_16S, 0, 1, borderType=cv2.BORDER_REPLICATE),
@@ -13,7 +13,7 @@ def _sobel(image):
 
 
 class _Gradient:
-    """Sobel gradient of a picture, and its magnitude."""
+    """Sobel gradient of an image, and its magnitude."""
 
     def __init__(self, image):
         self.dx, self.dy = _sobel(image)
@@ -30,7 +30,7 @@ class _Gradient:
 
 
 def _thin_edges(gradient, request):
-    """Edge points of one pixel's width: Canny's non-maximum suppression above the threshold, as bool."""
+    """Edge points one pixel wide: Canny's non-maximum suppression above the threshold, as bool."""
     threshold = gradient.threshold(request)
     edges = cv2.Canny(gradient.dx, gradient.dy, threshold, threshold, L2gradient=True)
     return (edges > 0) & (gradient.magnitude > threshold)

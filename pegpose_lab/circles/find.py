@@ -3,7 +3,7 @@
 The paper finds its circles in the segmented image with MATLAB's two-stage method (Sect. 3.1, ref. 11) and
 describes the classic transform: "a circle is drawn for each edge point with a radius r".  All three
 are here, and a fourth that finds circles of any size, tilted, blurred or unevenly lit, in a fraction of their
-time.  They serve to find circles, `pegpose_lab.discs` to measure them:
+time.  They find circles; `pegpose_lab.discs` measures them with an ellipse fit:
 
     discs = fit_discs(image, find_circles(image, (r_min, r_max)))
 """
@@ -36,22 +36,22 @@ def find_circles(
     max_circles: int | None = None,
     regions: ArrayLike | None = None,
 ) -> Circles:
-    """Find circles by a Hough transform.
+    """Find circles (bright or dark discs) in an image by a Hough transform.
 
     Parameters
     ----------
     image : (height, width) uint8 or bool
-        A grey picture, or a mask (the paper looks for circles in the segmented image).
+        A grey image, or a mask (the paper looks for circles in the segmented image).
     radius_range : (r_min, r_max) px
         0 < r_min <= r_max.  Radii never lie outside, and a circle whose own radius, by its edge, lies outside by more
         than its error (3 %, at least 0.5 px) is not returned, even if all of it is seen.  One nearer to the range is
         returned with a radius at the range's end.  Keep r_max below 3 r_min for "two-stage" and "phase-code".
     method : {"multiscale", "two-stage", "phase-code", "accumulator"}
-        "multiscale" searches each octave of radii on a picture reduced so far (by 1, 2, 4 ...) that they are 5
-        to 10 px there (those below 10 px on the picture itself).  Edge points, thinned as Canny does, count from a
-        gradient of four standard deviations of the noise on, whatever the contrast above 6 grey values (below, steps
-        that rounding makes of slow shading look the same), and vote along the gradient as in "two-stage".
-        Around each peak of the votes the radii are tried at which edge points lie all around (24 sectors),
+        "multiscale" searches each octave of radii on an image that is reduced (by 1, 2, 4 ...) until the radii are 5
+        to 10 px (radii below 10 px on the image itself).  Edge points are thinned as in Canny's detector, need a
+        gradient of at least four standard deviations of the noise, whatever the contrast above 6 grey values (below,
+        the steps that rounding makes of slow shading look the same), and vote along the gradient as in "two-stage".
+        Around each peak of the votes, the radii at which edge points lie all around (24 sectors) are tried,
         and an ellipse is fitted to those points.  The score is the part of the sectors with an edge point within 10 %
         of the radius of that ellipse, at least 1.55 - sensitivity; where a circle runs along better ones, that part
         does not count.  Accurate to a few per cent of the radius.
@@ -60,31 +60,31 @@ def find_circles(
         sigma 2 px); centres are the weighted centroids of the 8-connected regional maxima left after
         the h-maxima transform with h = 1 - sensitivity, and the score is the peak's value, at least h.
         "two-stage" then takes the whole-pixel radius of largest mean gradient around the centre, "phase-code"
-        reads the radius from the phase of the peak; both give one radius for a centre, so they cannot tell
+        reads the radius from the phase of the peak; both give one radius per centre, so they cannot separate
         concentric circles.  "accumulator" takes maxima over 3 x 3 x 3 neighbours, refined
-        by a parabola along each axis; the score is the share of the circle's perimeter that was
-        voted for, at least 1 - sensitivity/2, and the gradient along the perimeter must have the right polarity.
-        In ranges narrower than 16 px "two-stage" and "phase-code" let radii beyond the range vote, too: a blurred
+        by a parabola along each axis; the score is the fraction of the circle's perimeter that got
+        votes, at least 1 - sensitivity/2, and the gradient along the perimeter must have the right polarity.
+        In ranges narrower than 16 px "two-stage" and "phase-code" also let radii beyond the range vote: a blurred
         edge is wider than such a range.
     polarity : {"bright", "dark"}
         Discs brighter or darker than what surrounds them.
     sensitivity : float in [0, 1]
-        Larger finds more, and more false, circles.
+        Larger values find more circles, and more false ones.
     edge_threshold : float in [0, 1], optional
-        Edges are pixels whose gradient is above this part of the largest one; by default Otsu's threshold
-        ("multiscale": the noise's).
+        Edges are pixels whose gradient is above this fraction of the largest one; by default Otsu's threshold
+        ("multiscale": a threshold from the noise).
     max_circles : int, optional
-        Keep the best ones only.
+        Keep only the best ones.
     regions : (k, 4) boxes x, y, width, height, px, optional
-        Look only there, for example in `Segmentation.boxes`: each box is grown by a margin of
-        r_max / 4 + 4 px and searched by itself, with edge threshold of its own.  Boxes smaller
+        Search only these boxes, for example `Segmentation.boxes`: each box is grown by a margin of
+        r_max / 4 + 4 px and searched by itself, with its own edge threshold.  Boxes smaller
         than r_min in both directions cannot hold a circle and are skipped.
 
     Returns
     -------
     Circles
-        Sorted by score, descending, ties by y and then x.  Centres lie inside the image.  Of two circles nowhere
-        further apart than max(3 px, 15 % of the smaller radius) the better one is kept.  Empty where nothing
+        Sorted by score, descending, ties by y and then x.  Centres lie inside the image.  Of two circles that are nowhere
+        further apart than max(3 px, 15 % of the smaller radius), the better one is kept.  Empty where nothing
         is found.
 
     Raises

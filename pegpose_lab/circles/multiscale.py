@@ -1,4 +1,4 @@
-"""The Hough transform for circles of any size: an octave of radii at a time, on reduced pictures."""
+"""The Hough transform for circles of any size: an octave of radii at a time, on reduced images."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from .edges import _sobel
 from .outlines import BAND, LEAST_VOTES, _best_radii, _edges_near, _fit_outlines
 from .own_radius import _in_range
 
-OCTAVE = 5.0  # px, smallest radius that is searched on a reduced picture; the largest is twice that, or 2.4 times
+OCTAVE = 5.0  # px, smallest radius that is searched on a reduced image; the largest is twice that, or 2.4 times
 NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of noise, and at all (rounding's is 4)
 
 
@@ -17,9 +17,9 @@ NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in 
 
 
 def find(image, request):
-    """Rows x, y, r, score: each octave of radii is searched on a picture of its own (see `find_circles`)."""
+    """Rows x, y, r, score: each octave of radii is searched on an image of its own (see `find_circles`)."""
     reduction, rows = 1, [np.empty((0, 4))]
-    largest = min(request.r_max, min(image.shape))  # larger circles show less than half of their edge
+    largest = min(request.r_max, min(image.shape))  # larger circles show less than half their edge
     while True:
         low, high = request.r_min / reduction, largest / reduction
         last = high <= 2.4 * OCTAVE
@@ -37,7 +37,7 @@ _IS_PLACE = np.array([1, 1, 0, 0])
 
 
 def _halved(image):
-    """The picture at half the size, each pixel the mean of four."""
+    """The image at half the size, each pixel the mean of four."""
     height, width = image.shape[0] // 2, image.shape[1] // 2
     return cv2.resize(image[: 2 * height, : 2 * width], (width, height), interpolation=cv2.INTER_AREA)
 
@@ -47,7 +47,7 @@ def _find_octave(image, radii, request):
     edges = _EdgePoints.of(image, request)
     if len(edges.x) == 0:
         return np.empty((0, 4))
-    more = max(0.5 * (1 - (radii[1] - radii[0])), 0)  # an edge is no narrower than that
+    more = max(0.5 * (1 - (radii[1] - radii[0])), 0)  # an edge is at least that wide
     radii = max(radii[0] - more, 0.5 * radii[0]), radii[1] + more
     peaks = _octave_peaks(edges, radii, image.shape)
     if len(peaks) == 0:
@@ -68,7 +68,7 @@ class _EdgePoints:
 
     @classmethod
     def of(cls, image, request):
-        """Canny's edge points, above a threshold that noise does not reach."""
+        """Canny's edge points, with a threshold that noise does not reach."""
         dx, dy = _sobel(image)
         threshold = _noise_threshold(dx, dy, request)
         mask = cv2.Canny(dx, dy, threshold, threshold, L2gradient=True)
@@ -80,7 +80,7 @@ class _EdgePoints:
 
 
 def _noise_threshold(dx, dy, request):
-    """Least gradient of an edge: NOISE_FACTOR times the noise's, told by quartiles (slopes do not count)."""
+    """Smallest gradient of an edge: NOISE_FACTOR times that of the noise, estimated by quartiles (slopes do not count)."""
     if request.edge_threshold is not None:
         return request.edge_threshold * float(np.hypot(dx.astype(np.float32), dy).max())
     some = (dx[::4].clip(-127, 127) + 128).astype(np.uint8)
@@ -90,7 +90,7 @@ def _noise_threshold(dx, dy, request):
 
 
 def _octave_peaks(edges, radii, shape):
-    """Cells of 2 x 2 px where votes along the gradient meet: their centres (n, 2), px."""
+    """Centres (n, 2), px, of the cells of 2 x 2 px where votes along the gradient meet."""
     height, width = shape[0] // 2 + 1, shape[1] // 2 + 1
     distances = np.arange(radii[0], radii[1] + 0.49, 0.5, dtype=np.float32)[:, None]
     columns = ((edges.x + 0.5 + distances * edges.ux) * 0.5).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Ellipses through the edge points around candidates, and how much of their outline is seen."""
+"""Ellipse fits to the edge points around candidates, and how much of their outline is seen."""
 
 from dataclasses import dataclass
 
@@ -97,7 +97,7 @@ def _fit_outlines(near, peak, radius, request):
     return np.stack([near.peaks[peak, 0] + x, near.peaks[peak, 1] + y, r, score], axis=1)[good]
 
 
-_HOLD = np.diag([1e-3, 0.5, 0.5, 1.0, 1.0])  # holds centre and shape where there are few points
+_HOLD = np.diag([1e-3, 0.5, 0.5, 1.0, 1.0])  # keeps centre and shape fixed where there are few points
 
 
 def _points_of(near, peak):

@@ -1,7 +1,7 @@
-"""The radius that a circle's edge itself tells, whatever radii a Hough transform was asked for.
+"""The radius that follows from a circle's edge itself, whatever the radius range of the Hough transform.
 
-A transform that is asked for radii from 40 to 56 px sees a disc of 62 px, too: its votes meet in a ring around the
-centre instead of in it, and the best radius within the range is then one of the range's ends.  The edge tells the
+A transform with a radius range of 40 to 56 px also responds to a disc of 62 px: the votes then meet in a ring around
+the centre, not at the centre, and the best radius within the range is one of its ends.  The edge shows the
 difference: its points p and unit normals u towards the inside obey p = c - r u, which is linear in centre c and
 radius r.
 """
@@ -33,8 +33,8 @@ def own_radius(
 ) -> float:
     """The radius of the edge around a circle.
 
-    The edge is looked for at the circle itself first, so that no other edge around it counts.  One farther away
-    counts if the circle touches it from inside or outside, where votes of a wrong radius meet, or shows nothing.
+    The edge is searched at the circle itself first, so that no other edge around it counts.  An edge farther away
+    counts if the circle touches it from inside or outside, where votes of a wrong radius meet, or has no edge itself.
 
     Parameters
     ----------
@@ -104,10 +104,10 @@ def _edge_circle(points, normals, center, radius, width):
 
 
 def _of_own_radius(gradient, rows, request, wide):
-    """The circles, rows x, y, r, score, whose radius lies in the range by what their edge itself tells.
+    """The circles, rows x, y, r, score, whose radius according to their edge lies in the range.
 
-    A circle of which too little edge is seen for that is judged by the radius that the method gives it.  That
-    of "phase-code" is ambiguous at the ends of the range: there the edge tells which one it is.
+    If too little of the edge is seen for that, the radius that the method gives is used.  The radius of
+    "phase-code" is ambiguous at the ends of the range: there the edge decides which end it is.
     """
     if len(rows) == 0:
         return rows
@@ -125,6 +125,6 @@ def _of_own_radius(gradient, rows, request, wide):
 
 
 def _in_range(radii, request):
-    """Which radii lie in the range, or nearer to it than the error that they may have."""
+    """Which radii lie in the range, or closer to it than their possible error."""
     tolerance = end_tolerance(radii)
     return (radii >= request.r_min - tolerance) & (radii <= request.r_max + tolerance)

@@ -25,7 +25,7 @@ def _find_by_votes(window, request, radius):
     votes = _vote(gradient, wide)
     smooth = cv2.GaussianBlur(np.abs(votes), (0, 0), SMOOTHING, borderType=cv2.BORDER_CONSTANT)
     peaks = _regional_peaks(smooth, max(1 - request.sensitivity, 1e-6))
-    # rounded, so that no processor's last digit decides the order of equally good circles
+    # rounded, so that last digits, which differ between processors, do not decide the order of equally good circles
     rows = [(x, y, radius(votes, gradient, x, y, wide), round(score, 6)) for x, y, score in peaks]
     return _of_own_radius(gradient, np.array(rows).reshape(-1, 4), request, wide)
 

@@ -1,4 +1,4 @@
-"""The phase-coding Hough transform: one complex accumulator, whose phase at a centre tells the radius.
+"""The phase-coding Hough transform: one complex accumulator, whose phase at a centre gives the radius.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""The checked arguments of a search for circles, and the parts of the picture to be searched."""
+"""The checked arguments of a search for circles, and the parts of the image to be searched."""
 
 from dataclasses import dataclass
 
@@ -33,14 +33,14 @@ class _Request:
 
 
 def _as_grey(image):
-    """The picture as uint8; a mask becomes 0 and 255."""
+    """The image as uint8; a mask becomes 0 and 255."""
     if isinstance(image, np.ndarray) and image.dtype == bool:
         image = image.astype(np.uint8) * 255
     return as_image(image)
 
 
 def _as_request(radius_range, method, polarity, sensitivity, edge_threshold):
-    """Check everything but the picture and the regions."""
+    """Check everything but the image and the regions."""
     try:
         r_min, r_max = radius_range
     except (TypeError, ValueError) as error:
@@ -55,7 +55,7 @@ def _as_request(radius_range, method, polarity, sensitivity, edge_threshold):
 
 
 def _windows(shape, regions, request):
-    """The parts of the picture to search, as x0, y0, x1, y1."""
+    """The parts of the image to search, as x0, y0, x1, y1."""
     height, width = shape
     if regions is None:
         return [(0, 0, width, height)]
@@ -72,5 +72,5 @@ def _windows(shape, regions, request):
 
 
 def _least_score(request):
-    """The least part of a circle's edge that must be seen."""
+    """The smallest fraction of a circle's edge that must be seen."""
     return 1.55 - request.sensitivity

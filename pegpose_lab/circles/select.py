@@ -59,7 +59,7 @@ def _may_touch(first, second):
 
 
 def _is_known(circle, others, score, request):
-    """Whether a circle is nowhere far from a better one, or (multiscale) too little of its edge is its own."""
+    """Whether a circle is close to a better one everywhere, or (multiscale) shares too much of its edge with others."""
     x, y, r = np.array(others).T
     smaller = np.minimum(r, circle[2])
     if (np.hypot(x - circle[0], y - circle[1]) + np.abs(r - circle[2]) < np.maximum(3.0, 0.15 * smaller)).any():

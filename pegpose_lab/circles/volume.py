@@ -39,7 +39,7 @@ def _plane_maxima(below, here, above, radius, least):
 
 
 def _neighbours(plane, x, y, dx, dy):
-    """A value between its two neighbours; outside the picture the value itself is repeated."""
+    """A value between its two neighbours; outside the image the value itself is repeated."""
     height, width = plane.shape
     before = plane[max(y - dy, 0), max(x - dx, 0)]
     return before, plane[y, x], plane[min(y + dy, height - 1), min(x + dx, width - 1)]

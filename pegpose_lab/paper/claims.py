@@ -101,7 +101,7 @@ def _rule(identifier):
 
 
 def _check_identifiers(values):
-    """Refuse values that belong to no printed number, ids that two notebooks claim, and what is no number."""
+    """Refuse values without a printed number, ids that two notebooks claim, and values that are not numbers."""
     twice = values.index[values.index.duplicated()]
     if len(twice):
         raise ValueError(f"values has two entries for {', '.join(twice.unique())}; expected one for each id")

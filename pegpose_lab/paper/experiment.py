@@ -76,7 +76,7 @@ class Experiment:
     board : Checkerboard
     hub : Hub
     blur, noise : float
-        px and grey values, of every picture.
+        px and grey values, the same in every image.
 
     Examples
     --------
@@ -93,7 +93,7 @@ class Experiment:
 
     @cached_property
     def world_from_board(self) -> RigidTransform:
-        """Where the first board lies in the world of Table 1: its middle is then seen near the picture's middle."""
+        """Where the first board lies in the world of Table 1: its middle is then near the middle of the image."""
         return RigidTransform.from_translation(np.array([948.5, -667.1, 0.0]) - self.board.center)
 
     @cached_property

@@ -1,7 +1,7 @@
-"""Labelled pegs of a hub in a picture, and in frame after frame: `locate_pegs`, `track_pegs`.
+"""Labelled pegs of a hub in an image, and in one frame after another: `locate_pegs`, `track_pegs`.
 
 The steps are `candidates`, `rings`, `labels` and `measure`; `locate` and `track` lead through them.  A new
-rule for the labels belongs into `labels`.
+rule for the labels belongs in `labels`.
 """
 
 from .locate import locate_pegs

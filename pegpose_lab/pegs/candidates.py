@@ -1,4 +1,4 @@
-"""The circles in each part of a picture that may be pegs."""
+"""The circles in each part of an image that may be pegs."""
 
 from types import SimpleNamespace
 

@@ -10,7 +10,7 @@ from ..discs import fit_discs
 from .candidates import _as_circles
 from .rings import RADIUS_TOLERANCE, RING_TOLERANCE
 
-EQUALLY_LEFT = 0.01  # px: what last digits, which differ between processors, must not decide
+EQUALLY_LEFT = 0.01  # px: a smaller difference may come from last digits, which differ between processors
 CLEAR_TURN = 0.8  # the best of several labellings must move the pegs less than this part of the next one
 
 
@@ -28,7 +28,7 @@ class _Labelling:
 def _labellings(image, circles, ring, hub):
     """All labellings of a ring with a circle at each screw's place.
 
-    Circles of whole parts count first; only if they allow no labelling, hidden or merged screws are searched.
+    Circles of whole parts are tried first; hidden or merged screws are searched only if those allow no labelling.
     """
     for search in (_known_screws, _hidden_screws):
         found = [search(image, circles, ring, shift, hub) for shift in range(hub.n_pegs)]
@@ -57,7 +57,7 @@ def _known_screws(image, circles, ring, shift, hub):
 
 
 def _hidden_screws(image, circles, ring, shift, hub):
-    """The same by a Hough transform of the picture at the screws' places, for those that touch other parts."""
+    """The same by a Hough transform of the image at the screws' places, for screws that touch other parts."""
     places, radius = _screw_places(circles, ring, shift, hub)
     reach = radius + RING_TOLERANCE * ring.scale
     boxes = np.column_stack([places - reach, np.full((len(places), 2), 2 * reach)])
@@ -71,7 +71,7 @@ def _hidden_screws(image, circles, ring, shift, hub):
 
 
 def _clip_boxes(boxes, shape):
-    """Boxes x, y, width, height cut to the picture and to whole pixels; None if one lies outside."""
+    """Boxes x, y, width, height cut to the image and to whole pixels; None if one lies outside."""
     low = np.maximum(np.floor(boxes[:, :2]), 0)
     high = np.minimum(np.ceil(boxes[:, :2] + boxes[:, 2:]), shape[::-1])
     if (high - low < 3).any():

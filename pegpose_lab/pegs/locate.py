@@ -1,4 +1,4 @@
-"""The pegs of a hub in one picture, and what to say when something is missing."""
+"""The pegs of a hub in one image, and the messages when something is missing."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def locate_pegs(
 
     Labels run clockwise on the screen (about the hub's z axis, away from the camera) from the gap with the
     first screw, as in Table 2; the paper's "anticlockwise" holds with y up.  Where the screws leave several
-    labellings (with four pegs and opposite screws the picture is the same after half a turn), `previous`
-    decides: the pegs move as little as possible about their middle.  Without it the first screw is the one
-    further left in the picture, of two equally far left the upper one.
+    labellings (with four pegs and opposite screws the image is the same after half a turn), `previous`
+    decides: the labels are those with which the pegs move least relative to their middle.  Without it the first
+    screw is the one further left in the image, of two equally far left the upper one.
 
     Parameters
     ----------
@@ -71,14 +71,14 @@ def locate_pegs(
     """
     image = as_image(image)
     if previous is not None and np.shape(getattr(previous, "peg_centers", None)) != (hub.n_pegs, 2):
-        raise ValueError(f"previous is no PegObservation of {hub.n_pegs} pegs")
+        raise ValueError(f"previous is not a PegObservation of {hub.n_pegs} pegs")
     segmentation = segment(image, min_area=min_area, threshold=threshold)
     try:
         return _locate(image, segmentation, hub, previous)
     except DetectionError:
         if len(segmentation.levels) == 1:
             raise
-        # Bright swarf on a bore can make two grey levels of it; one threshold for all leaves it whole.
+        # Bright swarf on a bore can give it two grey levels; a single threshold keeps it in one part.
         try:
             whole = segment(image, min_area=min_area, threshold=segmentation.threshold)
             return _locate(image, whole, hub, previous)
@@ -104,7 +104,7 @@ def _locate(image, segmentation, hub, previous):
 
 
 def _missing_pegs(circles, hub):
-    """The message for a picture without a ring."""
+    """The message for an image without a ring."""
     counts = [min(len(_neighbours(circles, bore, hub)), hub.n_pegs) for bore in range(len(circles.radii))]
     best = max(counts, default=0)
     seen = f"found {len(circles.radii)} discs, among them at most {best} of {hub.n_pegs} pegs around a bore"

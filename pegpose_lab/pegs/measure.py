@@ -1,4 +1,4 @@
-"""The discs of a labelled ring, measured, and checked against one plane's perspective."""
+"""Ellipse fits of a labelled ring's discs, checked against the perspective (homography) of one plane."""
 
 from dataclasses import dataclass
 
@@ -15,12 +15,12 @@ SHAPE_TOLERANCE = 0.03  # of a peg's semi-axes, against what the other pegs' pla
 
 @dataclass(frozen=True, eq=False)
 class PegObservation:
-    """The parts of a hub in one picture; rows in label order.
+    """The parts of a hub in one image; rows in label order.
 
     Attributes
     ----------
     peg_centers : (n_pegs, 2) ndarray
-        Centres of the pegs' images (of the ellipses; see `pose` for what that is not), px.
+        Centres of the pegs' images (centres of the ellipses, which are not the images of the peg centres; see `pose`), px.
     peg_radii : (n_pegs,) ndarray
         Radii of the circles of equal area, px.
     peg_sigmas : (n_pegs, 2) ndarray
@@ -66,7 +66,7 @@ class PegObservation:
 
 
 def _measure(image, circles, ring, labelling, hub):
-    """Fit discs to what was chosen."""
+    """Measure the chosen pegs, bore and screws by ellipse fits."""
     n, n_screws = hub.n_pegs, len(labelling.screws)
     index = np.append(labelling.pegs, ring.bore)
     located = np.vstack([np.column_stack([circles.centers[index], circles.radii[index]]), labelling.screws])
@@ -137,7 +137,7 @@ def _check_fits(reasons, names, n_pegs):
 def _check_shapes(centers, shapes, hub):
     """Raise if a peg's ellipse is not what the pegs' common homography makes of a peg.
 
-    A peg that is cut off by something straight can look like a smaller ellipse; its neighbours know better.
+    A peg that is cut off along a straight line can look like a smaller ellipse; the other pegs show that it is not.
     """
     homography = _homography(centers, hub)
     ratios = []
@@ -149,13 +149,13 @@ def _check_shapes(centers, shapes, hub):
     worst = int(np.argmax(misfits))
     if misfits[worst] > (SHAPE_TOLERANCE if hub.n_pegs > 3 else RADIUS_TOLERANCE):
         raise DetectionError(
-            f"peg {worst + 1} is {misfits[worst]:.0%} off the size or shape that it has to have among the others: "
+            f"peg {worst + 1} is {misfits[worst]:.0%} off the size or shape that follows from the other pegs: "
             "something may hide part of it; clear the view, or check the hub's measures"
         )
 
 
 def _homography(peg_centers, hub):
-    """The matrix (3, 3) that takes the plane of the peg tops to the picture; for three pegs an affine one."""
+    """The matrix (3, 3) that takes the plane of the peg tops to the image; for three pegs an affine one."""
     if hub.n_pegs == 3:
         plane = np.column_stack([hub.peg_centers[:, :2], np.ones(3)])
         return np.vstack([np.linalg.solve(plane, peg_centers).T, [0, 0, 1]])

@@ -10,7 +10,7 @@ from ..targets import MOST_PEGS
 LARGEST_TILT_RATIO = 0.3  # |F_-1 / F_1| = (1 - cos tilt) / (1 + cos tilt): 57 degrees
 RING_TOLERANCE = 0.1  # of the pitch radius: what perspective and measuring may add to the affine image
 RADIUS_TOLERANCE = 0.25  # of a disc's radius
-BASE_SCALE = (0.7, 1.1)  # scale of the base's picture over that of the pegs' tops
+BASE_SCALE = (0.7, 1.1)  # scale of the image of the base over that of the pegs' tops
 OBLIQUENESS = 0.7  # tangent of the angle between line of sight and hub axis
 MOST_NEIGHBOURS = MOST_PEGS  # circles tried as pegs of one bore: the sets of n_pegs among them are all tried
 MOST_RINGS = 20
@@ -52,7 +52,7 @@ def _find_rings(circles, hub):
 
 
 def _neighbours(circles, bore, hub):
-    """Indices of circles that may be pegs around a bore by their size and distance."""
+    """Indices of the circles whose size and distance allow them to be pegs around a bore."""
     scale = circles.radii[bore] / hub.bore_radius
     size = np.abs(np.log(circles.radii / (scale * hub.peg_radius)))
     distance = np.linalg.norm(circles.centers - circles.centers[bore], axis=1)

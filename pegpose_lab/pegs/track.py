@@ -1,4 +1,4 @@
-"""The pegs of a hub in frame after frame."""
+"""The pegs of a hub in one frame after another (tracking)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def track_pegs(
     min_area: float | None = None,
     threshold: float | None = None,
 ) -> Iterator[PegObservation]:
-    """Locate the pegs in frame after frame, the labels carried over.
+    """Track the pegs: locate them in one frame after another and carry the labels over.
 
     Parameters
     ----------

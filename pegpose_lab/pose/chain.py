@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def scale_coordinates(image_points: ArrayLike, mm_per_pixel: float) -> NDArray[np.float64]:
-    """Table 2's metric coordinates: pixels times one scale, from the picture's corner.
+    """Table 2's metric coordinates: pixels times one scale, from the corner of the image.
 
     No tilt, principal point or distortion enters; compare `back_project_discs`.
 
@@ -74,7 +74,7 @@ def line_angle_printed(point: ArrayLike, center: ArrayLike, m2: float = 0.0) -> 
 
     .. math:: \tan \theta = \frac{m_1 - m_2}{1 + m_1 m_2}
 
-    Kept to show what it cannot do: opposite directions give the same angle, vertical lines none.
+    Kept to show its limits: opposite directions give the same angle, vertical lines give none.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def hub_from_end_effector(cam_from_hub: RigidTransform, cam_from_end_effector: R
 
 @dataclass(frozen=True)
 class Misalignment:
-    """How far a mating part is from where it has to be before insertion.
+    """How far a mating part is from its place for insertion.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Discs in perspective: the image of a disc, and the disc of an image."""
+"""Discs in perspective: projection of a disc to its image, and back-projection."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _RIM_POINTS = 32  # sums over a smooth closed curve converge exponentially: this
 
 
 SETTLED = 1e-10
-"""mm: a fixed-point step of `back_project_discs` after which none is needed."""
+"""mm: after a fixed-point step of `back_project_discs` that is no larger, no further step is needed."""
 
 
 def project_discs(
@@ -101,8 +101,8 @@ def back_project_discs(
     camera : TsaiCamera or OpenCVCamera
     cam_from_plane : RigidTransform
     iterations : int
-        Most fixed-point iterations: the correction shrinks a hundredfold in each, less for large discs seen at a
-        steep slant; they end when nothing moves by more than `SETTLED`.
+        Largest number of fixed-point iterations: the correction shrinks a hundredfold in each, less for large discs seen
+        at a steep slant; they end when nothing moves by more than `SETTLED`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Pose of the hub from its pegs (Sect. 3.2): in a known plane, or with all six degrees of freedom."""
+"""Pose estimation of the hub from its pegs (Sect. 3.2): in a known plane, or with all six degrees of freedom."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _POLISH_ROUNDS = 5
 
 @dataclass(frozen=True, eq=False)
 class HubPose:
-    """Where the hub is.
+    """The pose of the hub in the camera frame.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class HubPose:
     peg_radii : (n,) ndarray
         Each peg's measured radius, mm.
     residuals : (n, 2) ndarray
-        Projected minus measured centres of the pegs' images, px.
+        Reprojection errors: projected minus measured centres of the pegs' images, px.
 
     Examples
     --------
@@ -65,7 +65,7 @@ class HubPose:
 
     @property
     def rms(self) -> float:
-        """Root of the mean squared length of the residuals, px."""
+        """Rms reprojection error: root of the mean squared length of the residuals, px."""
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
 
@@ -76,7 +76,7 @@ def estimate_pose(
     *,
     plane: RigidTransform | None = None,
 ) -> HubPose:
-    """Estimate the hub's pose from its pegs in one picture.
+    """Estimate the pose of the hub (its extrinsics) from its pegs in one image.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def estimate_pose(
     >>> pose = pl.estimate_pose(pl.locate_pegs(image, hub), camera, hub, plane=plane)
     >>> round(pose.x, 1), round(pose.y, 1)
     (2.0, -1.0)
-    >>> round(pose.theta, 2)  # half a turn from 0.3: in one picture, opposite screws leave both
+    >>> round(pose.theta, 2)  # half a turn from 0.3: in one image, opposite screws leave both
     -2.84
     """
     centers = as_points(observation.peg_centers, 2, "observation.peg_centers")
@@ -151,7 +151,7 @@ def _fit_in_plane(points, measured):
     a, b = points - from_middle, measured - to_middle
     dot, cross = np.sum(a * b), np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
     if np.hypot(dot, cross) < 0.1 * np.sum(a**2):  # the ratio is about 1 for the hub's own ring
-        raise CalibrationError("the pegs are no image of the hub's ring; check that they are labelled clockwise")
+        raise CalibrationError("the pegs are not an image of the hub's ring; check that they are labelled clockwise")
     theta = np.arctan2(cross, dot)
     rotation = Rotation.from_rotvec([0, 0, theta])
     x, y = to_middle - rotation.as_matrix()[:2, :2] @ from_middle
@@ -162,7 +162,7 @@ def _fit_six_degrees(observation, centers, camera, hub):
     """Least squares over the pegs' images, started from where pegs, bore and screws agree.
 
     From far away a plane and its mirror image, tilted the other way, look the same (weak perspective); three
-    pegs alone even fit up to four poses.  Bore and screws lie at another height and tell them apart.
+    pegs alone even allow up to four poses.  Bore and screws lie at another height and tell these poses apart.
     """
     start = _parallel_pose(camera.to_normalized(centers), hub)
     near = _polish(start, _all_parts(observation, centers, hub), camera)
@@ -209,7 +209,7 @@ def _parallel_pose(normalized, hub):
 
 
 def _polish(pose, discs, camera):
-    """Least squares over six degrees of freedom: of centres, and between whiles the shift of their images."""
+    """Least squares over six degrees of freedom; the shift of the images' centres is updated between the fits."""
     try:
         for _ in range(_POLISH_ROUNDS):
             shift = discs.residuals(pose, camera) + discs.measured - camera.project(discs.centers, pose)
@@ -217,7 +217,7 @@ def _polish(pose, discs, camera):
         discs.residuals(pose, camera)
     except ValueError as error:
         raise CalibrationError(
-            "no pose puts the hub before the camera; check that its pegs are labelled clockwise on the screen"
+            "no pose puts the hub in front of the camera; check that its pegs are labelled clockwise on the screen"
         ) from error
     return pose
 

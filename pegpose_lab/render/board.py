@@ -1,4 +1,4 @@
-"""Pictures of a checkerboard."""
+"""Rendered images of a checkerboard."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def render_board(
     noise: float | None = 2.0,
     rng: int | Sequence[int] | np.random.Generator | None = None,
 ) -> NDArray[Any]:
-    """Render a checkerboard.
+    """Render an image of a checkerboard (chessboard), with lens distortion, blur and noise.
 
     Parameters
     ----------

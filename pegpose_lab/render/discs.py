@@ -120,7 +120,7 @@ def disc_outlines(
 
 
 def _bounding_box(camera, cam_from_hub, hub, swarf, margin):
-    """Rows and columns (top, bottom, left, right) of the picture that show anything but background."""
+    """Rows and columns (top, bottom, left, right) of the image that show anything but background."""
     reach = max([hub.radius, hub.pitch_circle_diameter / 2 + hub.peg_radius, *(np.hypot(*swarf.T[:2]) + swarf[:, 3])])
     outlines = [disc_outline(camera, cam_from_hub, (0, 0, z), reach) for z in (0.0, hub.peg_height)]
     low = np.floor(np.min(np.vstack(outlines), axis=0)).astype(int) - margin

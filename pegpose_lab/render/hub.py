@@ -1,4 +1,4 @@
-"""Pictures of a hub: textured base with bore and screws, pegs, highlights and swarf."""
+"""Rendered images of a hub: textured base with bore and screws, pegs, highlights and swarf."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def render_hub(
     blur : float
         Standard deviation of the Gaussian blur, px.
     noise : float or None
-        Standard deviation of the noise, grey values.  None: neither noise nor rounding; `expose` does them.
+        Standard deviation of the noise, grey values.  None: neither noise nor rounding, which `expose` can add later.
     highlights : float
         Brightness (grey values) of one specular spot on the rim of each peg top, and of one beside it.
     clutter : int
@@ -80,8 +80,8 @@ def render_hub(
     occlusion : float
         Part of peg 1's diameter that a dark bar in front of it hides, 0..1.
     rays : int
-        Rays in a quarter of a pixel at an edge: 34 place the centre of a peg to some 5e-4 px, 144, which take three
-        times as long, to 1e-4 px.
+        Rays in a quarter of a pixel at an edge: with 34 the centre of a peg is accurate to about 5e-4 px, with 144, which
+        take three times as long, to 1e-4 px.
     rng : seed or Generator
         Places highlights and clutter, then draws the noise.
 

@@ -1,4 +1,4 @@
-"""Rays through a camera's pixels: which planes they meet, and the mean grey value of every pixel."""
+"""Ray casting through a camera's pixels: where rays meet planes, and the mean grey value of every pixel."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _outside(coordinate, end, margin):
 def _cast(camera, shade, blur, box=None, background=0.0, rays=34):
     """Mean grey value of every pixel's area through the blurring lens, float32.
 
-    Only the pixels within `box` are cast, the rest is `background`.
+    Only the pixels within `box` are cast; the others get the value `background`.
     """
     width, height = camera.image_size
     image = np.full((height, width), background, np.float32)
@@ -94,7 +94,7 @@ def _cast_centers(shade, directions):
 
 
 def _borders(part):
-    """Pixels of which a neighbour (of eight) shows another part."""
+    """Pixels with a neighbour (of eight) that shows another part."""
     kernel = np.ones((3, 3), np.uint8)
     highest = cv2.dilate(part, kernel, borderType=cv2.BORDER_REPLICATE)
     return highest != cv2.erode(part, kernel, borderType=cv2.BORDER_REPLICATE)
@@ -144,7 +144,7 @@ def _blur(image, sigma):
 def expose(
     image: NDArray[np.float32], noise: float | None, rng: int | Sequence[int] | np.random.Generator | None = None
 ) -> NDArray[Any]:
-    """Add the sensor's noise to a picture, and round it to 8 bits; with noise None return it as it is.
+    """Add sensor noise to an image and round it to 8 bits; with noise None return it unchanged.
 
     Parameters
     ----------

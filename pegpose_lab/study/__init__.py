@@ -1,7 +1,7 @@
-"""Studies: third-party data, repeated experiments, and the method beside its rivals.
+"""Studies: third-party data, repeated experiments, and comparisons with other methods.
 
-What loads data, or repeats an experiment many times, is one file here; a method to be compared is one line
-in the table `calibration.CALIBRATION_METHODS`, a rival of the genetic algorithm alone one in that of `baselines`.
+Code that loads data, or repeats an experiment many times, is one file here.  A calibration method to be compared is
+one line in the table `calibration.CALIBRATION_METHODS`; a rival of the genetic algorithm alone is one in `baselines`.
 """
 
 from .baselines import DIFFERENTIAL_EVOLUTION, GENETIC, compare, search

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 SCREWS = ("screws4-a", "*.jpg", (38, 62), "dark")
-SEARCHES = (  # data set, its pictures, radius range (px), polarity; all else is the default
+SEARCHES = (  # data set, its images, radius range (px), polarity; all else is the default
     ("visp-mire2-a", "*.png", (5, 35), "bright"),
     ("visp-grid36-a", "*.png", (5, 30), "dark"),
     ("skimage-coins", "*.png", (12, 35), "bright"),
@@ -56,9 +56,9 @@ def count_circles() -> tuple[DataFrame, DataFrame]:
         * "off": a circle is there, but it is off by more than `NEAR` (and by no more than `OFF`);
         * "shared": the disc is found if it is searched alone, in a cut-out around it;
         * "score": only a higher sensitivity finds it;
-        * "no candidate": not even the highest does, in the picture or in the cut-out.
+        * "no candidate": not even the highest does, in the image or in the cut-out.
 
-        The order of trying: default sensitivity alone ("shared"), highest sensitivity in the picture ("score") and
+        The order of trying: default sensitivity alone ("shared"), highest sensitivity in the image ("score") and
         alone ("shared").
 
     Raises
@@ -116,7 +116,7 @@ def _why(image, place, radii, polarity, circles):
 
 
 def rim_share(image: NDArray[np.uint8], x: float, y: float, r: float, polarity: str) -> float:
-    """Part of a circle's rim, in 64 directions, where the picture steps by RIM_STEP at least, in `polarity`'s sense."""
+    """Part of a circle's rim, in 64 directions, where the image steps by at least RIM_STEP, in `polarity`'s sense."""
     turn = np.arange(64) * (2 * np.pi / 64)
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
     inside, outside = (

@@ -1,4 +1,4 @@
-"""Third-party photographs and point lists: found on this machine, else downloaded once, never committed.
+"""Third-party photographs and point lists: used if they are on this machine, else downloaded once; never committed.
 
 `dataset` looks in the folder that the environment variable ``PEGPOSE_DATA`` names, then in a cache of its own,
 which it fills from pinned addresses.  data/datasets.csv lists each file with its address and its SHA-256; a file

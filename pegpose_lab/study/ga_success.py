@@ -50,8 +50,8 @@ def trial_sets() -> list[tuple[Any, ...]]:
     """The views of the trial: name, object_points, image_points, camera.
 
     The paper's view is that of Table 1 with exact corners and 0.025 px of noise; the rendered ones have their corners
-    found in the pictures; the real ones are OpenCV's photographs with this project's corners, the principal point in the
-    picture's middle.
+    found in the images; the real ones are OpenCV's photographs with this project's corners, the principal point in the
+    middle of the image.
 
     Examples
     --------

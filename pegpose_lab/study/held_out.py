@@ -1,4 +1,4 @@
-"""How far a calibration can be trusted: views it has not seen, what it knows of the picture, a wrong model's traces."""
+"""How far a calibration can be trusted: held-out views, how its points cover the image, and the traces of a wrong model."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LEAST_IN_RING = 5
 def held_out_distances(
     camera: TsaiCamera | OpenCVCamera, object_points: ArrayLike, image_points: ArrayLike
 ) -> NDArray[np.float64]:
-    """How far a view that a camera was not made from is from its projection when only the view's pose is fitted.
+    """Reprojection errors of a view that was not used for the calibration, when only the pose of the view is fitted.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def leave_one_out(
 def coverage(
     image_points: Sequence[ArrayLike], image_size: tuple[int, int], cells: tuple[int, int] = (8, 6)
 ) -> NDArray[np.int_]:
-    """Corners in each cell of a grid over the picture; where there are none, the distortion is extrapolated.
+    """Corners in each cell of a grid over the image; where there are none, the distortion is extrapolated.
 
     Parameters
     ----------
@@ -119,12 +119,12 @@ def coverage(
     Returns
     -------
     (rows, columns) int ndarray
-        Its sum is less than the number of points if some lie outside the picture.
+        Its sum is less than the number of points if some lie outside the image.
 
     Raises
     ------
     ValueError
-        If the input is unusable, or all points lie outside the picture.
+        If the input is unusable, or all points lie outside the image.
 
     Examples
     --------
@@ -141,7 +141,7 @@ def coverage(
     edges = np.linspace(-0.5, height - 0.5, rows + 1), np.linspace(-0.5, width - 0.5, columns + 1)
     counts = np.histogram2d(points[:, 1], points[:, 0], edges)[0].astype(int)
     if counts.sum() == 0:
-        raise ValueError(f"image_points: all {len(points)} lie outside the picture of {width:g} x {height:g} px")
+        raise ValueError(f"image_points: all {len(points)} lie outside the image of {width:g} x {height:g} px")
     return counts
 
 
@@ -178,7 +178,7 @@ def radial_profile(calibration: Calibration, image_points: Sequence[ArrayLike], 
     >>> len(study.radial_profile(found, images, rings=4))
     4
     """
-    from scipy.stats import binned_statistic  # here, for scipy.stats takes the longest of all imports
+    from scipy.stats import binned_statistic  # here, because scipy.stats takes longest of all imports
 
     rings = as_count(rings, "rings", 1)
     if not calibration.residuals:
@@ -211,7 +211,7 @@ def sensitivity(
     object_points: Sequence[ArrayLike],
     images: Mapping[str, Sequence[ArrayLike]],
 ) -> DataFrame:
-    """What the camera owes to the corners' detector: each parameter by several detectors, beside the stated sigma.
+    """How the calibration depends on the corner detector: each parameter by several detectors, beside its sigma.
 
     Parameters
     ----------

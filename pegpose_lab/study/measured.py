@@ -1,4 +1,4 @@
-"""Tables in data/measured: what studies measured once, so that notebooks need neither the pictures nor the time.
+"""Tables in data/measured: what studies measured once, so that notebooks need neither the images nor the time.
 
 A table has its maker's name for the command ``python3 -m pegpose_lab measure NAME`` in its first line, a comment.
 """

@@ -58,14 +58,14 @@ def measure_corners() -> tuple[list[str], list[NDArray[np.float64]], list[NDArra
 
 
 def _grey(path):
-    """The grey values of a photograph, None if it is no image; cv2.imread fails on some paths beyond ASCII (Windows)."""
+    """The grey values of a photograph, None if it is not an image; cv2.imread fails on some paths beyond ASCII (Windows)."""
     return cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_GRAYSCALE)
 
 
 def _read(path):
     image = _grey(path)
     if image is None or image.shape[::-1] != LEFT_SIZE:
-        raise ValueError(f"{path} is no picture of {LEFT_SIZE[0]} x {LEFT_SIZE[1]} px; get an unchanged copy")
+        raise ValueError(f"{path} is not an image of {LEFT_SIZE[0]} x {LEFT_SIZE[1]} px; get an unchanged copy")
     return image
 
 

@@ -1,6 +1,6 @@
 """Corners of the experiment's five boards by OpenCV's sector-based detector, as they were found once.
 
-`cv2.findChessboardCornersSB` with its flags for accuracy takes a second a picture, and another processor's rounding
+`cv2.findChessboardCornersSB` with its flags for accuracy takes a second per image, and another processor's rounding
 moves single corners by up to 0.003 px, enough to count a point on the other side of a limit.  Notebooks that compare
 corner detectors therefore read its corners from data/measured/sector_corners.csv.
 """

@@ -1,4 +1,4 @@
-"""How many discs are a part of their own in a segmented picture."""
+"""How many discs are a part of their own in a segmented image."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def count_parts() -> DataFrame:
 
 
 def _hubs_in_uneven_light():
-    """Rendered frame 1 in each of LIGHTS: name, light, picture, and its pegs (4, 3) as x, y, r."""
+    """Rendered frame 1 in each of LIGHTS: name, light, image, and its pegs (4, 3) as x, y, r."""
     truth = paper.paper_experiment()
     pose, frame = truth.cam_from_hubs[0], truth.hub_frame(0)
     pegs = [true_disc(truth.camera, pose, center, truth.hub.peg_radius) for center in truth.hub.peg_centers]

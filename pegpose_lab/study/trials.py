@@ -38,7 +38,7 @@ CORNERS = ("simulated", "rendered")
 
 PARAMETERS = ("focal_length", "c_x", "c_y", "kappa1")
 SAVED_EVERY = 10.0  # s, between two writes of the file
-BOARD_DEPTH = 310.0  # mm, of the board's middle: all corners of a board tilted by up to 45 degrees are in the picture
+BOARD_DEPTH = 310.0  # mm, of the board's middle: all corners of a board tilted by up to 45 degrees are in the image
 BOARD_SHIFT = 25.0  # mm, largest in x and y
 
 _KEY = {"seed": int, "corners": str, "noise": float, "tilt": float, "views": int, "method": str, "trial": int}
@@ -48,7 +48,7 @@ _COLUMNS = [*_KEY, *_NUMBERS, "status", "flags"]
 
 RENDERED_FILE = "rendered_trials.csv"
 RENDERED = {"corners": "rendered", "noises": (2.0,), "trials": 200}
-"""The trials of `write_rendered_trials`: pictures with the noise of the paper's experiment."""
+"""The trials of `write_rendered_trials`: images with the noise of the paper's experiment."""
 
 
 def monte_carlo(
@@ -80,11 +80,11 @@ def monte_carlo(
     Parameters
     ----------
     corners : {"simulated", "rendered"}
-        Exact corners with noise, or those that `find_corners` finds in rendered pictures (about 2 s a trial).
+        Exact corners with noise, or those that `find_corners` finds in rendered images (about 2 s a trial).
     noises : sequence of float
-        Standard deviation of the simulated corners' noise per axis, px, or of the pictures' noise, grey values.
+        Standard deviation of the simulated corners' noise per axis, px, or of the noise in the images, grey values.
     tilts : sequence of float
-        Angle between board and picture plane, degrees, at most 45; the directions of the views are spread evenly.
+        Angle between board and image plane, degrees, at most 45; the directions of the views are spread evenly.
     views : sequence of int
         Number of boards.
     methods : sequence of str

@@ -105,7 +105,7 @@ def _arc_radius(hub):
 
 
 def _draw_screen_axes(ax, hub):
-    """Directions of the picture's axes, in the corner."""
+    """Directions of the image axes, in the corner."""
     corner = hub.radius * np.array([-1.25, 1.0])
     for step, name in (((0.3, 0.0), "x"), ((0.0, 0.3), "y")):
         end = corner + hub.radius * np.array(step)

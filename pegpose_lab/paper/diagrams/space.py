@@ -90,7 +90,7 @@ class _View:
         self.ax.annotate(text, place, xytext=offset, textcoords="offset points", **(defaults | style))
 
     def finish(self, caption, margin=0.04):
-        """Frame what was drawn, y down as in any picture of a camera, with a caption below."""
+        """Frame what was drawn, y down as in any camera image, with a caption below."""
         low, high = np.min(self.drawn, axis=0), np.max(self.drawn, axis=0)
         left, top = low - margin * (high - low)
         right, bottom = high + margin * (high - low)
