@@ -89,7 +89,7 @@ def claims_table(values: Mapping[str, float] | Series | None = None) -> DataFram
 
 @functools.cache
 def _rules():
-    """The rules as they stand in data/paper/claims.csv."""
+    """The rules in data/paper/claims.csv."""
     return results.read_csv(files.PAPER_FOLDER / "claims.csv", as_text=True)
 
 
@@ -115,7 +115,7 @@ def _check_identifiers(values):
 
 @functools.cache
 def known_identifiers() -> set[str]:
-    """Return the ids that a saved value may have: each printed number's, and what the rules need beside them."""
+    """Return the ids that a saved value may have: those of the printed numbers, and others that the rules need."""
     identifiers = set(paper.printed_numbers().index)
     ranges = [identifier for identifier in identifiers if _rule(identifier)["otherwise"] == "range"]
     templates = " ".join(_rules()["reason"] + _rules()["reason_otherwise"])
@@ -183,7 +183,7 @@ def _otherwise(rule, printed, numbers):
 
 
 def _as_text(table):
-    """The table with its numbers as text of at most six digits, and nothing for NaN."""
+    """The table with its numbers as text of at most six digits, and empty text for NaN."""
     text = table.copy()
     for column in ("paper", "ours", "difference", "tolerance"):
         digits = 6 if column in ("paper", "ours") else 3
@@ -225,7 +225,7 @@ def format_table(table: DataFrame) -> str:
 
 
 def _terminal_lines(row):
-    """A row's line, and as many more as its verdict and its reason need."""
+    """The line of a row, and as many further lines as its verdict and its reason need."""
     texts = (textwrap.wrap(row.verdict, _VERDICT_WIDTH), textwrap.wrap(row.reason, _REASON_WIDTH))
     first, *more = zip_longest(*texts, fillvalue="")
     rest = [_terminal_line("", "", "", "", *parts) for parts in more]

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @functools.cache
 def _numbers():
-    """The CSV as it stands, indexed by id, with the parsed number beside the printed text."""
+    """The rows of the CSV, indexed by id, with the parsed number beside the printed text."""
     table = results.read_csv(PAPER_FOLDER / "printed.csv", as_text=True, index_col="id")
     table.insert(3, "value", table["printed"].astype(float))
     return table
@@ -167,7 +167,7 @@ def corner_count() -> int:
 
 
 def corner_stretch() -> float:
-    """Return x_u / x_d = 1 + k_1 r^2 (Eq. 3) in the image's corner, with k_1 in px^-2 as Table 1 prints it.
+    """Return x_u / x_d = 1 + k_1 r^2 (Eq. 3) in the corner of the image, with k_1 in px^-2 as Table 1 prints it.
 
     Examples
     --------

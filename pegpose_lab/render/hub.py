@@ -161,7 +161,7 @@ def _turned_metal(x, y, hub, look):
 
 
 def _raise_pegs(top, base, hub, look, grey, part):
-    """Pegs: the ray passes from `top` to `base`; it meets a top, or else a wall if it comes near enough."""
+    """Pegs: the ray goes from `top` to `base`; it meets a peg top, or a side wall if it passes close enough."""
     longest = np.sqrt(max(_dot(base - top, base - top).max(initial=0), 0))
     reach = hub.peg_radius + float(longest)
     for index, center in enumerate(hub.peg_centers):
@@ -202,7 +202,7 @@ def _place_spots(hub, brightness, rng):
 
 
 def _add_spots(top, spots, grey, part):
-    """Spots brighten metal: those on a peg (the first half) its top only, the others what lies around it."""
+    """Specular spots brighten metal: those on a peg (the first half) only its top, the others its surroundings."""
     on_top = (part >= _TOP) & (part < _SWARF)
     on_metal = (part > 0) & ~on_top
     for index, (x, y, size, brightness) in enumerate(spots):

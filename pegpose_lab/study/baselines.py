@@ -1,4 +1,4 @@
-"""The genetic algorithm's rivals, on the same corners and by the same measures."""
+"""Other methods compared with the genetic algorithm, on the same corners and by the same measures."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def compare(
     truth: tuple[float, float] | None = None,
     rng: int = 0,
 ) -> DataFrame:
-    """Calibrate with every method and judge all by the same measures.
+    """Calibrate with every method and compare all by the same measures.
 
     The single-view methods get view 1 and the principal point of `camera`; Zhang's and the joint one get all views.
 
@@ -117,7 +117,7 @@ def search(
 
 
 class _Setting:
-    """One view, and what the methods for it start from: stage 1 and Eq. 7 over the box, made when first asked for."""
+    """One view, and what its methods start from: stage 1 and Eq. 7 over the box, computed on first use."""
 
     def __init__(self, object_points, image_points, camera, rng):
         self.view, self.rng = (object_points, image_points, camera), rng
@@ -162,7 +162,7 @@ def _differential_evolution(setting):
 
 
 def _particle_swarm(setting):
-    """Particle swarm with constriction: each particle is drawn to its own best place and to the swarm's."""
+    """Particle swarm with constriction: each particle is attracted to its own best place and to that of the swarm."""
     rng = np.random.default_rng(setting.rng)
     low, high = setting.bounds.T
     places, speeds = rng.uniform(low, high, (PARTICLES, 2)), np.zeros((PARTICLES, 2))
@@ -193,7 +193,7 @@ def _three_parameters(setting):
     def residuals(x):
         try:
             return setting.result(x[:2] * scale[:2], x[2] * scale[2]).residuals[0].ravel()
-        except ValueError:  # behind the camera, or beyond where Eq. 3 has an image
+        except ValueError:  # behind the camera, or outside the range of Eq. 3
             return np.full(2 * len(setting.view[0]), 1e6)
 
     found = least_squares(residuals, start / scale, xtol=1e-12, ftol=1e-12, gtol=1e-12)
@@ -253,7 +253,7 @@ def _measures(found, views, truth, pitch):
 
 
 def _held_out(found, method, shared, views, camera):
-    """Mean E of views 2, 3, ... by cameras that did not see them."""
+    """Mean E of views 2, 3, ... with cameras that were calibrated without them."""
     if not shared:
         return np.mean([_unseen_error(found.camera, *view) for view in views[1:]])
     left_out = leave_one_out(lambda *others: method(list(zip(*others, strict=True)), camera)[0], *zip(*views, strict=True))

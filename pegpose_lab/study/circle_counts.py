@@ -32,7 +32,7 @@ SEARCHES = (  # data set, its images, radius range (px), polarity; all else is t
     ("opencv-samples", "coins.jpg", (18, 32), "dark"),
 )
 RIM, RIM_STEP = np.arange(2.0, 6.0), 10.0  # px on either side of a rim, and the step (grey values) that counts as one
-# How far a circle may be from the disc it stands for, in centre and radius, as a part of the radius: as in the
+# How far a circle may be from its disc, in centre and radius, as a fraction of the radius: as in the
 # benchmark, for all data sets alike.  Marks by eye are good to half of it, and that an outline is an ellipse (mire2,
 # conrods, grid36: ratio of axes up to 1.65) asks for no more: known_circles.csv has its centroid and the radius of its area.
 NEAR = 0.1
@@ -100,7 +100,7 @@ def _match(circles, places, near=NEAR):
 
 
 def _why(image, place, radii, polarity, circles):
-    """Why a disc (x, y, r) is not among `circles`, see `count_circles`."""
+    """Why a disc (x, y, r) is not among `circles` (see `count_circles`)."""
     if _match(circles, [place], OFF)[0] >= 0:
         return "off"
     x, y, r = place
@@ -116,7 +116,7 @@ def _why(image, place, radii, polarity, circles):
 
 
 def rim_share(image: NDArray[np.uint8], x: float, y: float, r: float, polarity: str) -> float:
-    """Part of a circle's rim, in 64 directions, where the image steps by at least RIM_STEP, in `polarity`'s sense."""
+    """Fraction of a circle's rim, in 64 directions, where the image steps by at least RIM_STEP, in `polarity`'s sense."""
     turn = np.arange(64) * (2 * np.pi / 64)
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
     inside, outside = (

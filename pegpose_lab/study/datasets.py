@@ -76,7 +76,7 @@ def _local_folder(name):
 
 
 def _check(path, sha256):
-    """Refuse a file of a data set that is missing or has other bytes than the pinned ones."""
+    """Raise if a file of a data set is missing or differs from the pinned version (SHA-256)."""
     if not path.is_file():
         raise FileNotFoundError(f"{path} is missing; complete the folder, or unset PEGPOSE_DATA to download it")
     if hashlib.sha256(path.read_bytes()).hexdigest() != sha256:
@@ -84,7 +84,7 @@ def _check(path, sha256):
 
 
 def _download(name, files):
-    """Fill the cache's folder of a registered data set; files that are there already are only checked."""
+    """Download a registered data set into its folder in the cache; existing files are only checked."""
     folder = Path(pooch.os_cache("pegpose_lab")) / name
     files = files.set_index("file")
     registry, addresses = files["sha256"].to_dict(), files["url"].to_dict()
@@ -188,7 +188,7 @@ def write_corners(
     image_points: Sequence[ArrayLike],
     comment: str,
 ) -> None:
-    """Write corners of a planar target as `read_corners` reads them, below a first line of comment.
+    """Write corners of a planar target in the format of `read_corners`, with a comment as the first line.
 
     Image points are rounded to 1e-5 px.
 

@@ -1,4 +1,4 @@
-"""How many re-projection distances lie below a limit, given the mean of the same distances.
+"""How many reprojection errors (distances) lie below a limit, given the mean of the same distances.
 
 A share below a limit and a mean that are printed of *one* sample are not two independent numbers: the sample's own
 scale is in both.  What can be compared is how many distances lie below a multiple of their own mean, in which the

@@ -1,4 +1,4 @@
-"""The genetic algorithm's trial: its success over many seeds, and its rivals on the same corners and measures.
+"""Tests of the genetic algorithm: its success over many seeds, and other methods on the same corners and measures.
 
 ``python3 -m pegpose_lab measure ga_success`` writes data/measured/ga_success.csv: how often each variant of the algorithm
 ends at the optimum of its box, over 100 seeds, on rendered boards and on OpenCV's photographs.
@@ -40,7 +40,7 @@ VARIANTS = {
     "printed, genes (f, T_z)": PRINTED,
     "printed, genes (f, T_z), Eq. 4": PRINTED | {"initialisation": "equal"},
 }
-"""The genetic algorithm as it is here, and as the paper prints it: options of `calibrate_genetic`."""
+"""The genetic algorithm of this package, and the one that the paper prints: options of `calibrate_genetic`."""
 
 
 # --- success over seeds ----------------------------------------------------------------------------------
@@ -82,7 +82,7 @@ def success_rates(
     workers: int = 2,
     progress: bool = True,
 ) -> DataFrame:
-    """How many seeds of each variant end within `REACHED` of the optimum of the box, on each view.
+    """Count the seeds of each variant that end within `REACHED` of the optimum of the box, on each view.
 
     Parameters
     ----------

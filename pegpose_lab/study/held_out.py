@@ -55,7 +55,7 @@ def held_out_distances(
 def leave_one_out(
     calibrate: Callable[..., Calibration], object_points: Sequence[ArrayLike], image_points: Sequence[ArrayLike]
 ) -> DataFrame:
-    """Calibrate without each view in turn, and fit that view's pose alone through the camera of the others.
+    """Leave-one-out cross-validation: calibrate without each view in turn, then fit only the pose of that view.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def coverage(
 
 
 def radial_profile(calibration: Calibration, image_points: Sequence[ArrayLike], rings: int = 8) -> DataFrame:
-    """Mean residual along the radius in rings round the principal point: a wrong distortion model leaves a curve.
+    """Mean residual along the radius around the principal point, in rings: a wrong distortion model leaves a curve.
 
     Parameters
     ----------

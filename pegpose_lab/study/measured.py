@@ -1,6 +1,6 @@
 """Tables in data/measured: what studies measured once, so that notebooks need neither the images nor the time.
 
-A table has its maker's name for the command ``python3 -m pegpose_lab measure NAME`` in its first line, a comment.
+The first line of a table is a comment with the command that makes it, ``python3 -m pegpose_lab measure NAME``.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-_TEXT = {"levels": str}  # columns of digits that are no numbers
+_TEXT = {"levels": str}  # columns of digits that are not numbers
 
 
 def made_by(name: str) -> str:
-    """Return how a file is made, for its comment: `name` is that of `measure`.
+    """Return how a file is made, for its comment; `name` is the argument of `measure`.
 
     Examples
     --------

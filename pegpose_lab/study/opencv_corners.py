@@ -1,4 +1,4 @@
-"""Corners by OpenCV's gradient method, beside which this project's own are judged."""
+"""Sub-pixel corners by OpenCV's gradient method, for comparison with those of this project."""
 
 from __future__ import annotations
 

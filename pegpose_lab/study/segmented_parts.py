@@ -26,7 +26,7 @@ HUB_COLUMNS, LIGHTS = (40, 680), (1, 2, 4, 8)  # px, where the rendered hub is; 
 
 
 def count_parts() -> DataFrame:
-    """How many discs `segment` makes a part of its own, and how many Otsu's global threshold alone.
+    """Count the discs that are a part of their own by `segment`, and by Otsu's global threshold alone.
 
     In the photograph of skimage-coins, and, with the pegs as discs, in the rendered frame 1 of the paper's experiment
     in light that rises linearly across the hub.

@@ -64,7 +64,7 @@ def monte_carlo(
     path: str | PathLike[str] | None = None,
     progress: bool = True,
 ) -> DataFrame:
-    """Calibrate the paper's camera, whose truth is known, many times in all combinations of the conditions.
+    """Calibrate the paper's camera, whose true parameters are known, many times in all combinations of the conditions.
 
     A trial draws its boards from the seed, the tilt, the number of views and its own number, and the noise
     from these and the level: all methods get the same corners, all noise levels the same boards, and the
@@ -149,7 +149,7 @@ def run_trial(
         found = _calibrate(method, [board.object_points] * views, image_points, camera, rng)
     except (DetectionError, CalibrationError) as error:
         return _failed(key, str(error))
-    except (ValueError, ArithmeticError, cv2.error) as error:  # one trial's numbers must not end the others
+    except (ValueError, ArithmeticError, cv2.error) as error:  # a failure in one trial must not end the others
         return _failed(key, f"{type(error).__name__}: {error}")
     values = [value for name in PARAMETERS for value in _estimate(found, name, camera)]
     middle = [pose.apply(board.center)[2] for pose in (found.cam_from_object[0], poses[0])]
@@ -160,7 +160,7 @@ def run_trial(
 
 
 def _failed(key, reason):
-    """The row of a trial without numbers, its reason on one line."""
+    """The row of a failed trial: no numbers, and the reason on one line."""
     return (*key, *[np.nan] * len(_NUMBERS), " ".join(reason.split()), "")
 
 
@@ -236,7 +236,7 @@ def _finished(path):
     columns = lines[0] if lines else []
     if columns != _COLUMNS:
         raise ValueError(f"path {path} has columns {', '.join(columns)}; expected {', '.join(_COLUMNS)}")
-    whole = lines[1:] if text.endswith("\n") else lines[1:-1]  # a line that was cut may look like a whole one
+    whole = lines[1:] if text.endswith("\n") else lines[1:-1]  # a truncated line may look like a complete one
     rows = [row for row in map(_as_row, whole) if row is not None]
     return _as_table(rows).drop_duplicates([*_KEY], ignore_index=True)
 

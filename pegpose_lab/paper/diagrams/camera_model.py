@@ -88,7 +88,7 @@ def _draw_focal_length(view, f):
 
 
 def _draw_ray(view, camera, point, undistorted, distorted):
-    """P, its straight ray, and where the lens shows it instead."""
+    """P, its straight ray, and the place where lens distortion puts its image."""
     f = camera.focal_length
     seen, shown = _lift([undistorted, distorted], f)
     view.line([(0, 0, 0), seen, point], color=MARKED, zorder=6)

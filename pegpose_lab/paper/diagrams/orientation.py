@@ -81,7 +81,7 @@ def _draw_theta(ax, theta, radius):
 
 
 def _label_orientation(ax, hub, pegs, screws, theta, reach):
-    """Names of pegs, screws, lines and the angle, each beside its thing."""
+    """Labels of pegs, screws, lines and the angle, each beside its object."""
     pitch_radius = hub.pitch_circle_diameter / 2
     for number, center in enumerate(pegs, 1):
         ax.text(*center * (1.13 * hub.radius / pitch_radius), f"peg {number}", **_CENTERED, fontsize=9.5,

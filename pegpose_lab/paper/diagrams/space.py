@@ -1,4 +1,4 @@
-"""Things in space, drawn into flat axes: the pin-hole view and the look of all diagrams."""
+"""Drawing three-dimensional scenes into flat axes: the pinhole projection and the look of all diagrams."""
 
 import numpy as np
 from matplotlib.patches import FancyArrowPatch, Polygon
@@ -26,7 +26,7 @@ def look_at(eye, target, up):
 
 
 class _View:
-    """Draws three-dimensional things into axes, seen by a pin-hole camera."""
+    """Draws three-dimensional objects into axes, seen by a pinhole camera."""
 
     def __init__(self, ax, eye, target, up=(0.0, 0.0, 1.0)):
         self.ax = ax
@@ -108,7 +108,7 @@ def _arrow(ax, start, end, **style):
 
 
 def _bare(ax, xlim, ylim, caption=None):
-    """Axes without axes: equal scales, nothing round them but a caption below."""
+    """Turn the axis lines off: equal scales, and only a caption below."""
     ax.set(xlim=xlim, ylim=ylim, aspect="equal", xticks=[], yticks=[])
     ax.spines[:].set_visible(False)
     ax.set_xlabel(caption, fontsize=SMALL + 1, linespacing=1.4)
