@@ -4,7 +4,10 @@ A plane that is small or far is seen with hardly any perspective, and then two t
 explain its image nearly as well: the sum of squares has two minima, and noise can make the wrong one the lower.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -16,6 +19,9 @@ from .joint.models import TsaiModel, derivative_by_point
 from .joint.starts import demand_order, pnp
 from .joint.views import State, Views, evaluate
 from .planes import is_planar, plane_rotation
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SAME_POSE = 1e-3
 """rad: minima that are turned by less from each other are one."""
@@ -36,7 +42,9 @@ class BoardPose:
     rms: float
 
 
-def board_pose(object_points, image_points, camera):
+def board_pose(
+    object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera
+) -> RigidTransform:
     """Pose of one object through a known camera: least squares over the image points.
 
     Parameters
@@ -63,7 +71,9 @@ def board_pose(object_points, image_points, camera):
 
 
 @undetermined_if_singular()
-def board_poses(object_points, image_points, camera):
+def board_poses(
+    object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera
+) -> list[BoardPose]:
     """The one or two poses of an object through a known camera that are minima of the least squares, best first.
 
     Of a plane there are two where its perspective is weak.  With noise of s px per axis, the second is as likely as the
@@ -134,7 +144,7 @@ def _turn_between(first, second):
 class _KnownOpenCVCamera:
     """An `OpenCVCamera` of which nothing is free, as a lens model."""
 
-    names = []
+    names: list[str] = []
 
     def __init__(self, camera):
         self.camera = camera

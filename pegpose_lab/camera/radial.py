@@ -1,9 +1,16 @@
 """Radial distortion as in Eq. 3, both ways: from a distorted radius, and back to it."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
-def max_undistorted_radius(kappa1):
+
+def max_undistorted_radius(kappa1: ArrayLike) -> NDArray[np.float64]:
     """Return the largest undistorted radius that Eq. 3 can produce: 2 / (3 sqrt(-3 kappa1)), or infinity.
 
     For kappa1 >= 0 the map r_d -> r_d (1 + kappa1 r_d^2) is monotonic.  For kappa1 < 0 it turns back at
@@ -16,7 +23,7 @@ def max_undistorted_radius(kappa1):
     return np.where(kappa1 < 0, 2 / (3 * np.sqrt(-3 * negative)), np.inf)
 
 
-def distort_radius(radius, kappa1):
+def distort_radius(radius: ArrayLike, kappa1: ArrayLike) -> NDArray[np.float64]:
     r"""Solve Eq. 3 for the distorted radius: :math:`r_d (1 + \kappa_1 r_d^2) = r_u`.
 
     The root next to r_u is written in closed form, with hyperbolic functions for barrel distortion

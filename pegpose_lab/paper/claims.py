@@ -114,7 +114,7 @@ def _check_identifiers(values):
 
 
 @functools.cache
-def known_identifiers() -> set[str]:
+def known_identifiers() -> frozenset[str]:
     """Return the ids that a saved value may have: each printed number's, and what the rules need beside them."""
     identifiers = set(paper.printed_numbers().index)
     ranges = [identifier for identifier in identifiers if _rule(identifier)["otherwise"] == "range"]

@@ -65,7 +65,9 @@ def _ratios(points, sensor_points):
     return (np.linalg.pinv(design / scale) @ x_d)[..., 0] / scale[:, 0]
 
 
-def solve_ratios(points, sensor_points, ratios):
+def solve_ratios(
+    points: NDArray[np.float64], sensor_points: NDArray[np.float64], ratios: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     r"""All that follows from the ratios :math:`U = (r_1, r_2, T_x, r_4, r_5) / T_y` of a plane z = 0.
 
     Parameters

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,9 @@ from .genes import BOX, _Genes
 from .genetic import repeat_genetic
 from .objective import PENALTY, TwoStageObjective
 from .tsai import solve_coplanar, solve_noncoplanar
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SIDE_BY_SIDE = 8
 """Runs of the genetic algorithm that are evaluated together: their arrays still fit into a processor's cache."""
@@ -214,7 +217,12 @@ class _Start:
         return replace(found, flags=flags, history=history, populations=populations)
 
 
-def calibration_at(linear, chromosome, kappa1, residuals=None):
+def calibration_at(
+    linear: Calibration,
+    chromosome: Sequence[float] | NDArray[np.float64],
+    kappa1: float,
+    residuals: NDArray[np.float64] | None = None,
+) -> Calibration:
     """Return stage 1 with another (f, T_z), mm, and kappa1, mm^-2: without flags, and with the residuals that are given."""
     stage_1 = linear.cam_from_object[0]
     camera = replace(linear.camera, focal_length=chromosome[0], kappa1=kappa1)
