@@ -56,7 +56,8 @@ FIRST_FRAME, FRAMES = 20_000, 20
 ERROR_TIE, TIME_TIE = 1.05, 1.25
 SHOWN = 5  # ranks on the screen
 
-GRIDS: dict[str, dict[str, tuple[Any, ...]]] = {  # peer: option of its function in `bench.methods`: values, from the fast to the slow
+# peer: option of its function in `bench.methods`: values, from the fast to the slow
+GRIDS: dict[str, dict[str, tuple[Any, ...]]] = {
     "HoughCircles GRADIENT": {"dp": (2, 1.5, 1), "edge": (300, 200, 100), "votes": (60, 50, 40, 30)},
     "HoughCircles GRADIENT, smoothed": {
         "smoothing": (1, 1.5), "dp": (1.5, 1), "edge": (200, 150, 100), "votes": (50, 40, 30)

@@ -66,6 +66,16 @@ def board_pose(
         If the input is unusable, or points lie on a line: any turn about it is possible.
     CalibrationError
         If no pose sees all points in front of the camera, or a plane's points are not in the order of the image's.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, board_pose
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> board_pose(board, image, sensor.camera(8.0, kappa1=0.001)).translation.round(2).tolist()
+    [-90.0, -70.0, 500.0]
     """
     return board_poses(object_points, image_points, camera)[0].cam_from_object
 
@@ -92,6 +102,17 @@ def board_poses(
     ------
     ValueError, CalibrationError
         As `board_pose`.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, board_poses
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> found = board_poses(board, image, sensor.camera(8.0, kappa1=0.001))
+    >>> round(found[0].rms, 3), found[0].cam_from_object.translation.round(2).tolist()
+    (0.0, [-90.0, -70.0, 500.0])
     """
     (object_points,), (image_points,) = as_views([object_points], [image_points], 4)
     if not isinstance(camera, (TsaiCamera, OpenCVCamera)):

@@ -65,6 +65,18 @@ class Calibration:
     n_parameters : int or None
         How many numbers were fitted to the points, those of the poses among them; None if it is not known.  n points
         have 2 n - n_parameters degrees of freedom.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_joint
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> camera, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001), Checkerboard().object_points
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> images = [camera.project(board, pose) for pose in poses]
+    >>> found = calibrate_joint([board] * 3, images, camera.sensor)
+    >>> round(found.camera.focal_length, 3), round(found.rms, 3), len(found.cam_from_object)
+    (8.0, 0.0, 3)
     """
 
     camera: TsaiCamera | OpenCVCamera

@@ -15,6 +15,12 @@ def max_undistorted_radius(kappa1: ArrayLike) -> NDArray[np.float64]:
 
     For kappa1 >= 0 the map r_d -> r_d (1 + kappa1 r_d^2) is monotonic.  For kappa1 < 0 it turns back at
     r_d = 1 / sqrt(-3 kappa1); scene points beyond that radius have no image.
+
+    Examples
+    --------
+    >>> from pegpose_lab.camera import max_undistorted_radius
+    >>> max_undistorted_radius([0.001, -0.001]).round(2).tolist()
+    [inf, 12.17]
     """
     kappa1 = np.asarray(kappa1, dtype=np.float64)
     if kappa1.ndim == 0:
@@ -41,6 +47,13 @@ def distort_radius(radius: ArrayLike, kappa1: ArrayLike) -> NDArray[np.float64]:
     -------
     ndarray
         Distorted radius r_d, mm; beyond `max_undistorted_radius` the radius at which the map turns back.
+
+    Examples
+    --------
+    >>> from pegpose_lab.camera import distort_radius
+    >>> r_d = distort_radius(3.0, 0.001)
+    >>> round(float(r_d), 4), round(float(r_d * (1 + 0.001 * r_d**2)), 4)
+    (2.9737, 3.0)
     """
     radius, kappa1 = np.asarray(radius, np.float64), np.asarray(kappa1, np.float64)
     scale = np.sqrt(3 * np.maximum(np.abs(kappa1), np.finfo(float).tiny))

@@ -112,6 +112,14 @@ def minimize_genetic(
     ------
     ValueError
         If an argument is unusable, or the objective does not return n finite values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab.calibration import minimize_genetic
+    >>> found = minimize_genetic(lambda x: np.sum((x - 1) ** 2, axis=1), [(-5, 5), (-5, 5)], rng=0)
+    >>> found.x.round(1).tolist(), found.fun < 1e-3
+    ([1.0, 1.0], True)
     """
     options = {name: value for name, value in locals().items() if name in _OPTIONS}
     return repeat_genetic(lambda population: np.asarray(objective(population[0]))[None], bounds, [rng], **options)[0]

@@ -79,6 +79,18 @@ class TwoStageObjective:
     ----------
     c1, c2, c3, c4 : (n,) ndarray
         The constants of Eq. 6.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_tsai
+    >>> from pegpose_lab.calibration import TwoStageObjective
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> linear = calibrate_tsai(board, image, sensor)
+    >>> TwoStageObjective(board, image, linear)([[8.0, 500.0], [8.4, 500.0]]).round(1).tolist()
+    [0.0, 2.3]
     """
 
     def __init__(self, object_points, image_points, linear, *, kappa1="shared"):

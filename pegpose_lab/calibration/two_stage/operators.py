@@ -107,6 +107,14 @@ def blend_crossover(
     (..., n, d) ndarray
         Children; they may lie outside the box.
 
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab.calibration import blend_crossover
+    >>> children = blend_crossover(np.array([[0.0], [1.0]]), np.random.default_rng(0), alpha=0.5)
+    >>> children.shape, bool(np.all((children >= -0.5) & (children <= 1.5)))
+    ((2, 1), True)
+
     References
     ----------
     L. J. Eshelman and J. D. Schaffer, "Real-coded genetic algorithms and interval-schemata", Foundations of Genetic
@@ -162,6 +170,15 @@ def power_mutation(
     -------
     (..., n, d) ndarray
         A new population.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab.calibration import power_mutation
+    >>> population = np.full((1000, 1), 0.5)
+    >>> mutated = power_mutation(population, np.zeros(1), np.ones(1), np.random.default_rng(0), rate=0.1)
+    >>> bool(np.all((mutated >= 0) & (mutated <= 1))), bool(60 < np.sum(mutated != population) < 140)
+    (True, True)
 
     References
     ----------
