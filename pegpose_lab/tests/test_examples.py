@@ -14,8 +14,8 @@ FACES = (
     "calibration", "camera", "circles", "corners", "discs", "pegs", "pose", "render", "segmentation", "targets", "paper",
     "study",
 )  # fmt: skip
-TOO_LONG = {"study.compare", "study.dataset", "study.load_rendered_trials", "study.monte_carlo", "study.trial_poses"}
-"""Names without an example: `compare` takes long, `dataset` needs photographs, the others' file has no room for it."""
+TOO_LONG = {"study.compare", "study.dataset", "study.load_rendered_trials"}
+"""Names without an example: `compare` takes long, `dataset` needs photographs, the third's file has no room for it."""
 
 MODULES = sorted(
     ".".join(path.relative_to(PROJECT_FOLDER).with_suffix("").parts).removesuffix(".__init__")
