@@ -5,6 +5,8 @@ first makes ``.venv`` in the checkout (or finds it current) and then runs itself
 Python, where the packages pinned in ``environment.txt`` are.
 """
 
+from __future__ import annotations
+
 import os
 import signal
 import subprocess
@@ -228,7 +230,7 @@ def _become(command):
     return subprocess.call(command)
 
 
-def main(arguments=None):
+def main(arguments: list[str] | None = None) -> int:
     """Run one command; return the exit code (0 done, 1 failed, 2 wrong command line, 130 interrupted)."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if sys.version_info < OLDEST_PYTHON:

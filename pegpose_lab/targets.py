@@ -101,7 +101,7 @@ class Hub:
     peg_height: float = 20.0
     screw_circle_diameter: float = 80.0
     radius: float = 68.0
-    screw_angles: tuple = None
+    screw_angles: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "n_pegs", as_count(self.n_pegs, "n_pegs", 3, MOST_PEGS))

@@ -1,5 +1,7 @@
 """What was aimed at, beside what was measured."""
 
+from __future__ import annotations
+
 import numpy as np
 import pandas as pd
 
@@ -19,7 +21,9 @@ _ELSEWHERE = (0.0, 1.3)
 _COVERAGE = (93.0, 97.0)  # %, of the 95 % intervals
 
 
-def judge(circles, methods, sizes, joint, genetic):
+def judge(
+    circles: pd.DataFrame, methods: pd.DataFrame, sizes: pd.DataFrame, joint: pd.DataFrame, genetic: pd.DataFrame
+) -> pd.DataFrame:
     """What was aimed at, beside what was measured: sizes of errors and times at the noise of the targets, the
     honesty of the sigmas at the worst noise, in every scene.
 

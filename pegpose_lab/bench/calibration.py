@@ -1,6 +1,9 @@
 """Calibration for the benchmark: the joint one beside OpenCV's, the genetic algorithm beside differential evolution."""
 
+from __future__ import annotations
+
 import time
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -12,10 +15,14 @@ from ..calibration import calibrate_joint, optimum_in_box
 from ..targets import Checkerboard
 from .score import one_thread
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
 SEED = 20
 
 
-def measure_joint(views, *, repeats=3):
+def measure_joint(views: Sequence[int], *, repeats: int = 3) -> pd.DataFrame:
     """Time of `calibrate_joint` and of `cv2.calibrateCamera` with the same unknowns: f_x, f_y, c_x, c_y, k1, poses.
 
     Parameters
@@ -51,7 +58,7 @@ def measure_joint(views, *, repeats=3):
     return pd.DataFrame(rows, columns=["views", "ms", "opencv_ms", "ratio", "rms_difference"])
 
 
-def measure_genetic(sets=None, *, seeds=10):
+def measure_genetic(sets: list[Any] | None = None, *, seeds: int = 10) -> pd.DataFrame:
     """The genetic algorithm beside `scipy.optimize.differential_evolution`: same view, box and objective.
 
     Parameters
@@ -83,7 +90,7 @@ def measure_genetic(sets=None, *, seeds=10):
     return pd.DataFrame(rows, columns=["view", "ms", "de_ms", "ratio", "reached", "de_reached"])
 
 
-def measure_rivals(*, repeats=3):
+def measure_rivals(*, repeats: int = 3) -> pd.DataFrame:
     """What every method of `study.compare` costs on the photographs' corners.
 
     Parameters

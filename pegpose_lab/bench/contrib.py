@@ -1,5 +1,7 @@
 """Edge Drawing of opencv-contrib, in a process of its own."""
 
+from __future__ import annotations
+
 import atexit
 import functools
 import json
@@ -60,13 +62,13 @@ class _Server:
 _server = functools.cache(_Server)  # one for each process; it ends when its pipe does
 
 
-def contrib_variables():
+def contrib_variables() -> dict[str, str]:
     """The variables of a process in which cv2 is opencv-contrib's."""
     path = os.pathsep.join([str(environment.contrib_folder()), str(environment.CHECKOUT)])
     return {**os.environ, "PYTHONPATH": path}
 
 
-def serve():
+def serve() -> None:
     """Answer the requests of a `_Server` until its pipe is closed."""
     cv2.setNumThreads(1)
     for header in iter(sys.stdin.buffer.readline, b""):

@@ -6,14 +6,22 @@ by anything else: the command ``bench`` installs them.  opencv-contrib cannot li
 has a folder and a process of its own, which measures its own time.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from ..circles import find_circles
 from ..discs import fit_discs
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..discs import Discs
 
 
 @dataclass(frozen=True)
@@ -45,7 +53,7 @@ class Method:
     options: dict = field(default_factory=dict)
 
     @property
-    def settings(self):
+    def settings(self) -> str:
         """Its settings, in words and numbers."""
         return self.text.format(**self.options)
 
@@ -68,7 +76,7 @@ def _find_and_fit(image, radius_range):
     return Found(discs.centers[keep], discs.radii[keep], sigmas[keep])
 
 
-def radius_sigmas(discs):
+def radius_sigmas(discs: Discs) -> NDArray[np.float64]:
     """Standard deviations (n,) px of `Discs.radii`, sqrt(a b): first order in the semi-axes' covariance."""
     gradient = discs.radii[:, None] / (2 * discs.semi_axes)
     block = np.where(np.isfinite(discs.covariance[:, 2:4, 2:4]), discs.covariance[:, 2:4, 2:4], np.inf)

@@ -1,8 +1,11 @@
 """The registry of circle detectors, and how one is run."""
 
+from __future__ import annotations
+
 import functools
 import importlib.util
 from importlib import metadata
+from typing import TYPE_CHECKING
 
 import cv2
 
@@ -10,8 +13,14 @@ from ..lab import environment
 from .contrib import _edge_drawing, _server, _timed
 from .detectors import Method, _blobs, _contour_ellipses, _find_and_fit, _hough, _opencv_hough, _skimage_hough
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
-def run(method, image, radius_range):
+    from .detectors import Found
+
+
+def run(method: Method, image: NDArray[np.uint8], radius_range: tuple[float, float]) -> tuple[Found, float]:
     """Run a detector on a picture.
 
     Returns
@@ -88,14 +97,14 @@ COMPARED = {
 }
 
 
-def missing(method):
+def missing(method: Method) -> str:
     """Why a detector cannot run here; empty where it can."""
     if method.module == CONTRIB_MODULE:
         return "" if (environment.contrib_folder() / "cv2").is_dir() else f"{method.package} is not installed"
     return "" if importlib.util.find_spec(method.module) else f"{method.package} is not installed"
 
 
-def version(method):
+def version(method: Method) -> str:
     """The version of a detector's package; empty where it is missing."""
     if method.module == "pegpose_lab":
         from .. import __version__

@@ -4,6 +4,8 @@ What is measured, and how, stands in `bench` and `bench.calibration`; here are t
 and the report.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import pandas as pd
@@ -59,7 +61,7 @@ class Report:
     targets: pd.DataFrame
 
 
-def run(plan=FULL, *, workers=WORKERS):
+def run(plan: Plan = FULL, *, workers: int = WORKERS) -> Report:
     """Measure all that a plan names.
 
     Returns

@@ -1,5 +1,7 @@
 """The benchmark's tables as files, as blocks of a README and as text."""
 
+from __future__ import annotations
+
 import json
 import platform
 from pathlib import Path
@@ -14,7 +16,7 @@ from .plan import Report
 from .scenes import BLUR, MAIN, SCENES, TARGET_NOISE
 
 
-def write(report, folder, readme=None):
+def write(report: Report, folder: Path, readme: Path | None = None) -> None:
     """Write bench_circles, _methods, _sizes, _joint, _genetic, _rivals and _targets (.csv and .tex) into a folder.
 
     Parameters
@@ -35,13 +37,13 @@ def write(report, folder, readme=None):
         results.update_block(readme, "bench", to_markdown(load(folder)))
 
 
-def load(folder):
+def load(folder: Path) -> Report:
     """Read back what `write` wrote."""
     names = Report.__dataclass_fields__
     return Report(**{name: results.read_csv(Path(folder, f"bench_{name}.csv")) for name in names})
 
 
-def readme_is_current(readme, folder):
+def readme_is_current(readme: Path, folder: Path) -> bool:
     """Return whether a README's block is what `write` would make of the tables in a folder; raises as it does."""
     return results.block_is_current(readme, "bench", to_markdown(load(folder)))
 
@@ -55,7 +57,7 @@ _SHOWN = {
 }  # fmt: skip
 
 
-def to_markdown(report):
+def to_markdown(report: Report) -> str:
     """The block of a README: what was measured at the noise of the targets in one table, the aims, then all tables."""
     circles = report.circles[report.circles["noise"] == TARGET_NOISE]
     head = ["scene", "quantity", "low", "high", "measured", "met"]
@@ -155,7 +157,7 @@ def _digits(value):
     return f"{value:.0f}" if abs(value) >= 100 or value == round(value) else f"{value:.3g}"
 
 
-def to_text(report):
+def to_text(report: Report) -> str:
     """All tables for a terminal."""
     names = Report.__dataclass_fields__
     with pd.option_context("display.width", 250, "display.max_columns", 30, "display.max_rows", 500):

@@ -1,11 +1,14 @@
 """Memory of one frame, and time against the picture's size."""
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -17,8 +20,15 @@ from . import contrib, peers
 from .scenes import MAIN, RADIUS_RANGE, _camera, draw_frame
 from .score import _match, one_thread
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
-def peak_memory(method):
+    from numpy.typing import ArrayLike
+
+    from .detectors import Method
+
+
+def peak_memory(method: Method) -> float:
     """Megabytes that a method needs for one 1600 x 1200 px frame above a process with all imports.
 
     A fresh process loads the frame, lets the method run on a small part of it, and tells by how much the peak
@@ -34,7 +44,7 @@ def peak_memory(method):
         return float(subprocess.run(command, env=variables, check=True, capture_output=True, text=True).stdout)
 
 
-def tell_memory(name, path):
+def tell_memory(name: str, path: str) -> None:
     """Print what `peak_memory` asks for; runs in a process of its own."""
     cv2.setNumThreads(1)
     image, method = np.load(path), peers.COMPARED[name]
@@ -59,7 +69,9 @@ def _memory(field):
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 
 
-def measure_sizes(sizes, *, methods=(peers.OURS, peers.REFERENCE), repeats=3):
+def measure_sizes(
+    sizes: Sequence[float], *, methods: Sequence[str] = (peers.OURS, peers.REFERENCE), repeats: int = 3
+) -> pd.DataFrame:
     """Time against the picture's size: the same scene with more pixels, radii and range in proportion.
 
     Parameters
@@ -107,13 +119,13 @@ def _scaled(camera, scale):
     return replace(scaled, principal_point=((width - 1) / 2, (height - 1) / 2))
 
 
-def growth(sizes, method=peers.OURS):
+def growth(sizes: pd.DataFrame, method: str = peers.OURS) -> float:
     """Exponent of time over size: the slope of ln(ms) over ln(megapixels)."""
     rows = sizes[sizes["method"] == method]
     return exponent(rows["megapixels"], rows["ms"])
 
 
-def exponent(size, time):
+def exponent(size: ArrayLike, time: ArrayLike) -> float:
     """Slope of ln(time) over ln(size): 1 where time grows linearly."""
     return float(np.polyfit(np.log(size), np.log(time), 1)[0])
 
@@ -121,7 +133,7 @@ def exponent(size, time):
 # ---- methods ----
 
 
-def describe_methods(methods, memory):
+def describe_methods(methods: Sequence[str], memory: Sequence[str]) -> pd.DataFrame:
     """Package, version, settings, memory (MB; NaN where the name is not in `memory`) of each method, and why it is
     missing if it is."""
     rows = []

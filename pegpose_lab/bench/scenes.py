@@ -1,7 +1,10 @@
 """Rendered frames of a hub with their exact truth, scene by scene."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -10,6 +13,9 @@ from .. import paper
 from ..render import HubLook, TrueDisc, disc_outline, render_hub, true_disc
 from ..targets import Hub
 from .bounds import _arc_shape, _clean_edge
+
+if TYPE_CHECKING:
+    from ..camera import TsaiCamera
 
 RADIUS_RANGE = (40.0, 60.0)  # px, for 1600 x 1200 px; the pegs have 46 to 51
 DEPTH = 267.0  # mm, of the hub's centre
@@ -63,7 +69,7 @@ class Disc:
     truth: TrueDisc
     peg: int
     visible: float = 0.0
-    arc: np.ndarray = None
+    arc: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -76,7 +82,7 @@ class Frame:
     edge_width: float
 
 
-def draw_frame(scene, number, camera=None):
+def draw_frame(scene: Scene, number: int, camera: TsaiCamera | None = None) -> Frame:
     """Render frame `number` of a scene, without noise; pose and blur come from the frame's own seed.
 
     Parameters

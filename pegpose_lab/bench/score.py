@@ -33,8 +33,11 @@ time
     same frame.
 """
 
+from __future__ import annotations
+
 from contextlib import contextmanager
 from functools import cache
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -46,6 +49,12 @@ from ..render import expose
 from . import peers
 from .bounds import center_bound
 from .scenes import MAIN, RADIUS_RANGE, SEED, draw_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from typing import Any
+
+    from .scenes import Frame, Scene
 
 TOLERANCE = 0.1  # of the radius: what counts as detected
 WORKERS = 2
@@ -61,7 +70,7 @@ DISC_COLUMNS = (*_KEY, "peg", "found", "visible", "arc", *_ERRORS)
 
 
 @contextmanager
-def one_thread():
+def one_thread() -> Iterator[None]:
     """Let OpenCV work on one thread."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -71,7 +80,9 @@ def one_thread():
         cv2.setNumThreads(before)
 
 
-def measure_frame(scene, number, noises, methods):
+def measure_frame(
+    scene: Scene, number: int, noises: Sequence[float], methods: Sequence[str]
+) -> tuple[list[tuple[Any, ...]], list[tuple[Any, ...]]]:
     """Give one frame, with each level of noise, to each method.
 
     Parameters
@@ -109,7 +120,7 @@ def _warm_up(methods):
         peers.run(peers.COMPARED[name], image, RADIUS_RANGE)
 
 
-def score(frame, found, noise):
+def score(frame: Frame, found: peers.Found, noise: float) -> tuple[list[tuple[Any, ...]], int]:
     """Compare what a method found with a frame's discs, as the module's text defines it.
 
     Parameters
@@ -159,7 +170,9 @@ def _errors(frame, disc, found, index, noise):
 # ---- many frames ----
 
 
-def measure(cells, methods, *, workers=WORKERS):
+def measure(
+    cells: dict[Scene, tuple[int, Sequence[float]]], methods: Sequence[str], *, workers: int = WORKERS
+) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Measure frames in parallel processes.
 
     Parameters

@@ -1,5 +1,7 @@
 """From the scores of all frames to the table of results."""
 
+from __future__ import annotations
+
 import numpy as np
 import pandas as pd
 
@@ -12,7 +14,7 @@ HONEST = 1.959964  # sigmas that hold 95 % of a normal distribution
 # ---- many frames ----
 
 
-def summarize(frames, discs):
+def summarize(frames: pd.DataFrame, discs: pd.DataFrame) -> pd.DataFrame:
     """The table of results: a row for each scene, noise and method; the module's text says what is what."""
     reference = frames[frames["method"] == peers.REFERENCE].set_index(["scene", "noise", "frame"])["seconds"]
     rows, key = [], ["scene", "noise", "method"]

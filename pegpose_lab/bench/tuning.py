@@ -25,8 +25,11 @@ One after the other, each among those that the last has left; settings that tie 
 Its choice has rank 1; rank 2 is its choice among the rest, and so on.
 """
 
+from __future__ import annotations
+
 import itertools
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -40,12 +43,21 @@ from . import peers
 from .scenes import MAIN, RADIUS_RANGE, SEED, TARGET_NOISE, draw_frame
 from .score import DISC_COLUMNS, WORKERS, one_thread, score
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+    from typing import Any
+
+    from .detectors import Method
+    from .scenes import Scene
+
 NAME = "peer_settings"
 FIRST_FRAME, FRAMES = 20_000, 20
 ERROR_TIE, TIME_TIE = 1.05, 1.25
 SHOWN = 5  # ranks on the screen
 
-GRIDS = {  # peer: option of its function in `bench.methods`: values, from the fast to the slow
+# peer: option of its function in `bench.methods`: values, from the fast to the slow
+GRIDS: dict[str, dict[str, tuple[Any, ...]]] = {
     "HoughCircles GRADIENT": {"dp": (2, 1.5, 1), "edge": (300, 200, 100), "votes": (60, 50, 40, 30)},
     "HoughCircles GRADIENT, smoothed": {
         "smoothing": (1, 1.5), "dp": (1.5, 1), "edge": (200, 150, 100), "votes": (50, 40, 30)
@@ -66,14 +78,20 @@ GRIDS = {  # peer: option of its function in `bench.methods`: values, from the f
 }
 
 
-def candidates(name):
+def candidates(name: str) -> list[Method]:
     """A peer with each setting of its grid, a list of `detectors.Method`."""
     grid = GRIDS[name]
     options = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
     return [replace(peers.COMPARED[name], options=some) for some in options]
 
 
-def try_settings(names=tuple(GRIDS), *, scenes=MAIN, frames=FRAMES, workers=WORKERS):
+def try_settings(
+    names: Sequence[str] = tuple(GRIDS),
+    *,
+    scenes: Sequence[Scene] = MAIN,
+    frames: int = FRAMES,
+    workers: int = WORKERS,
+) -> pd.DataFrame:
     """Try every setting of peers' grids on the same frames.
 
     Parameters
@@ -159,7 +177,7 @@ RULE = {
 """Column: which of its values tie with the least.  In order; the module's text gives the reasons."""
 
 
-def rank(table):
+def rank(table: pd.DataFrame) -> pd.DataFrame:
     """Rank the settings of each peer.
 
     Parameters
@@ -196,7 +214,7 @@ def _best(table):
 # ---- the file ----
 
 
-def write_settings(table, folder):
+def write_settings(table: pd.DataFrame, folder: Path) -> None:
     """Write a ranking into `folder`."""
     scenes = ", ".join(scene.name for scene in MAIN)
     comment = (
@@ -206,7 +224,7 @@ def write_settings(table, folder):
     study.write_measured(folder, NAME, table.round({"error": 3, "center": 3, "radius": 3, "ms": 2}), comment)
 
 
-def write_peer_settings(folder=MEASURED_FOLDER):
+def write_peer_settings(folder: Path = MEASURED_FOLDER) -> None:
     """Try all settings of the peers that are installed, print each one's best and write the ranking into `folder`."""
     reasons = {name: peers.missing(peers.COMPARED[name]) for name in GRIDS}
     table = rank(try_settings([name for name, reason in reasons.items() if not reason]))

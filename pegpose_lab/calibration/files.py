@@ -3,7 +3,10 @@
 Only numbers and text are read from either, and nothing in a file is executed.
 """
 
+from __future__ import annotations
+
 import re
+from typing import TYPE_CHECKING
 from urllib.parse import quote, unquote
 
 import cv2
@@ -13,6 +16,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from ..camera import OpenCVCamera, TsaiCamera
 from ..checks import Flag, as_choice, as_points
 from ..files import replacing
+
+if TYPE_CHECKING:
+    from os import PathLike
+    from typing import Any
+
+    from .result import Calibration
 
 FILE_FORMAT = "pegpose_lab calibration 1"
 ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
@@ -25,7 +34,7 @@ LONGEST_TEXT = 1000
 """FileStorage's texts end at 4096 characters; longer ones are cut into pieces, each but the last with % at its end."""
 
 
-def write_calibration(path, calibration, form):
+def write_calibration(path: str | PathLike[str], calibration: Calibration, form: str) -> None:
     """Write what `Calibration.save` documents."""
     form = as_choice(form, "form", ("opencv", "ros"))
     text = _as_storage(calibration) if form == "opencv" else _as_camera_info(calibration.camera)
@@ -33,7 +42,7 @@ def write_calibration(path, calibration, form):
         temporary.write_text(text, encoding="utf-8")
 
 
-def read_calibration(path):
+def read_calibration(path: str | PathLike[str]) -> dict[str, Any]:
     """Return the fields of the `Calibration` of a file as a dictionary; raises as `Calibration.load` documents."""
     import yaml
 

@@ -1,7 +1,14 @@
 """Points that are a plane, exactly or as measured boards are: how flat they are, and the plane's own frame."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 FLAT = 0.03
 """Points are a plane if they leave it by less than this fraction of their width (see `relief`).  Tsai's method for a
@@ -11,7 +18,7 @@ UPRIGHT = 1e-6
 """A component of a unit normal that is smaller does not decide to which side the normal points."""
 
 
-def relief(points):
+def relief(points: NDArray[np.float64]) -> float:
     """How far points (n, 3) leave the plane through them: the rms distance, as a fraction of their rms half-width."""
     if _of_one_z(points):
         return 0.0
@@ -19,12 +26,12 @@ def relief(points):
     return float(singular[2] / singular[1]) if len(singular) > 2 and singular[1] > 0 else 0.0
 
 
-def is_planar(points):
+def is_planar(points: NDArray[np.float64]) -> bool:
     """Whether points (n, 3) are a plane, wherever it lies, to `FLAT`."""
     return relief(points) <= FLAT
 
 
-def plane_rotation(points):
+def plane_rotation(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The smallest turn (3, 3) of the object's frame that gives the plane through points (n, 3) one z."""
     if _of_one_z(points):
         return np.eye(3)
@@ -37,7 +44,7 @@ def plane_rotation(points):
     return Rotation.from_rotvec(turn).as_matrix()
 
 
-def plane_frame(points):
+def plane_frame(points: NDArray[np.float64]) -> RigidTransform:
     """Return plane_from_object: the frame of the plane through points (n, 3), in which they have z = 0 but for relief.
 
     The object's frame is turned as little as possible and then shifted along z alone, so points of one z keep their x

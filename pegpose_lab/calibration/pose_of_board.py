@@ -4,7 +4,10 @@ A plane that is small or far is seen with hardly any perspective, and then two t
 explain its image nearly as well: the sum of squares has two minima, and noise can make the wrong one the lower.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -16,6 +19,9 @@ from .joint.models import TsaiModel, derivative_by_point
 from .joint.starts import demand_order, pnp
 from .joint.views import State, Views, evaluate
 from .planes import is_planar, plane_rotation
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SAME_POSE = 1e-3
 """rad: minima that are turned by less from each other are one."""
@@ -36,7 +42,9 @@ class BoardPose:
     rms: float
 
 
-def board_pose(object_points, image_points, camera):
+def board_pose(
+    object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera
+) -> RigidTransform:
     """Pose of one object through a known camera: least squares over the image points.
 
     Parameters
@@ -58,12 +66,24 @@ def board_pose(object_points, image_points, camera):
         If the input is unusable, or points lie on a line: any turn about it is possible.
     CalibrationError
         If no pose sees all points in front of the camera, or a plane's points are not in the order of the image's.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, board_pose
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> board_pose(board, image, sensor.camera(8.0, kappa1=0.001)).translation.round(2).tolist()
+    [-90.0, -70.0, 500.0]
     """
     return board_poses(object_points, image_points, camera)[0].cam_from_object
 
 
 @undetermined_if_singular()
-def board_poses(object_points, image_points, camera):
+def board_poses(
+    object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera
+) -> list[BoardPose]:
     """The one or two poses of an object through a known camera that are minima of the least squares, best first.
 
     Of a plane there are two where its perspective is weak.  With noise of s px per axis, the second is as likely as the
@@ -82,6 +102,17 @@ def board_poses(object_points, image_points, camera):
     ------
     ValueError, CalibrationError
         As `board_pose`.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, board_poses
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> found = board_poses(board, image, sensor.camera(8.0, kappa1=0.001))
+    >>> round(found[0].rms, 3), found[0].cam_from_object.translation.round(2).tolist()
+    (0.0, [-90.0, -70.0, 500.0])
     """
     (object_points,), (image_points,) = as_views([object_points], [image_points], 4)
     if not isinstance(camera, (TsaiCamera, OpenCVCamera)):
@@ -134,7 +165,7 @@ def _turn_between(first, second):
 class _KnownOpenCVCamera:
     """An `OpenCVCamera` of which nothing is free, as a lens model."""
 
-    names = []
+    names: list[str] = []
 
     def __init__(self, camera):
         self.camera = camera

@@ -23,6 +23,7 @@ from .files import read_calibration, write_calibration
 from .two_stage.tsai import judge_interval
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from os import PathLike
 
     import pandas as pd
@@ -64,6 +65,18 @@ class Calibration:
     n_parameters : int or None
         How many numbers were fitted to the points, those of the poses among them; None if it is not known.  n points
         have 2 n - n_parameters degrees of freedom.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_joint
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> camera, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001), Checkerboard().object_points
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> images = [camera.project(board, pose) for pose in poses]
+    >>> found = calibrate_joint([board] * 3, images, camera.sensor)
+    >>> round(found.camera.focal_length, 3), round(found.rms, 3), len(found.cam_from_object)
+    (8.0, 0.0, 3)
     """
 
     camera: TsaiCamera | OpenCVCamera
@@ -146,11 +159,13 @@ class Calibration:
         return cls(**read_calibration(path))
 
 
-def pose_names(count):
+def pose_names(count: int) -> list[str]:
     return [f"{name}_{view}" for view in range(count) for name in ("rx", "ry", "rz", "tx", "ty", "tz")]
 
 
-def judge_focal_length(covariance, name, value, unit, freedom):
+def judge_focal_length(
+    covariance: pd.DataFrame, name: str, value: float, unit: str, freedom: int
+) -> tuple[Flag, ...]:
     """Flags by the 95 % interval of f, by Student's t of `freedom` degrees; CalibrationError if it reaches 0."""
     half = _half_interval(covariance, name, freedom)
     refusal = "the views do not determine f ({}); add views tilted by about 30 deg"
@@ -161,7 +176,7 @@ def judge_focal_length(covariance, name, value, unit, freedom):
     return ()
 
 
-def judge_principal_point(covariance, image_size, freedom):
+def judge_principal_point(covariance: pd.DataFrame, image_size: tuple[int, int], freedom: int) -> tuple[Flag, ...]:
     """A flag if a 95 % interval of the principal point is longer than `LOOSE_CENTER` of the picture."""
     free = [name for name in ("c_x", "c_y") if name in covariance.index]
     halves = [_half_interval(covariance, name, freedom) for name in free]
@@ -172,7 +187,9 @@ def judge_principal_point(covariance, image_size, freedom):
     return (Flag("loose-principal-point", text),)
 
 
-def judge_image_size(camera, image_points):
+def judge_image_size(
+    camera: TsaiCamera | OpenCVCamera, image_points: Sequence[NDArray[np.float64]]
+) -> tuple[Flag, ...]:
     """Flags if points lie outside of the image, or the principal point is where the centre of an image with width and
     height swapped is."""
     if camera.image_size == UNKNOWN_SIZE:

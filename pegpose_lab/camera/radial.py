@@ -1,13 +1,26 @@
 """Radial lens distortion as in Eq. 3: distorted radii from undistorted ones, and how far that is possible."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
-def max_undistorted_radius(kappa1):
+
+def max_undistorted_radius(kappa1: ArrayLike) -> NDArray[np.float64]:
     """Return the largest undistorted radius that Eq. 3 can produce: 2 / (3 sqrt(-3 kappa1)), or infinity.
 
     For kappa1 >= 0 the map r_d -> r_d (1 + kappa1 r_d^2) is monotonic.  For kappa1 < 0 it turns back at
     r_d = 1 / sqrt(-3 kappa1); scene points beyond that radius have no image.
+
+    Examples
+    --------
+    >>> from pegpose_lab.camera import max_undistorted_radius
+    >>> max_undistorted_radius([0.001, -0.001]).round(2).tolist()
+    [inf, 12.17]
     """
     kappa1 = np.asarray(kappa1, dtype=np.float64)
     if kappa1.ndim == 0:
@@ -16,7 +29,7 @@ def max_undistorted_radius(kappa1):
     return np.where(kappa1 < 0, 2 / (3 * np.sqrt(-3 * negative)), np.inf)
 
 
-def distort_radius(radius, kappa1):
+def distort_radius(radius: ArrayLike, kappa1: ArrayLike) -> NDArray[np.float64]:
     r"""Solve Eq. 3 for the distorted radius: :math:`r_d (1 + \kappa_1 r_d^2) = r_u`.
 
     The root next to r_u is written in closed form, with hyperbolic functions for barrel distortion
@@ -34,6 +47,13 @@ def distort_radius(radius, kappa1):
     -------
     ndarray
         Distorted radius r_d, mm; beyond `max_undistorted_radius` the radius at which the map turns back.
+
+    Examples
+    --------
+    >>> from pegpose_lab.camera import distort_radius
+    >>> r_d = distort_radius(3.0, 0.001)
+    >>> round(float(r_d), 4), round(float(r_d * (1 + 0.001 * r_d**2)), 4)
+    (2.9737, 3.0)
     """
     radius, kappa1 = np.asarray(radius, np.float64), np.asarray(kappa1, np.float64)
     scale = np.sqrt(3 * np.maximum(np.abs(kappa1), np.finfo(float).tiny))

@@ -43,6 +43,14 @@ class TsaiCamera(_Pixels, _Camera):
     ------
     ValueError
         If a parameter is not a finite number, or not positive where it must be.
+
+    Examples
+    --------
+    >>> from pegpose_lab import TsaiCamera
+    >>> from scipy.spatial.transform import RigidTransform
+    >>> camera = TsaiCamera(8.0, (0.01, 0.01), (319.5, 239.5), (640, 480), kappa1=0.001)
+    >>> camera.project([[0.0, 0.0, 0.0], [50.0, 0.0, 0.0]], RigidTransform.from_translation([0, 0, 500])).round(2).tolist()
+    [[319.5, 239.5], [399.45, 239.5]]
     """
 
     focal_length: float
@@ -176,7 +184,15 @@ def _ratio(radius, above, below):
 
 
 def as_sensor(camera: Sensor | TsaiCamera) -> Sensor:
-    """Return a `Sensor`, or that of a `TsaiCamera`, to start a calibration; ValueError if it is neither."""
+    """Return a `Sensor`, or that of a `TsaiCamera`, to start a calibration; ValueError if it is neither.
+
+    Examples
+    --------
+    >>> from pegpose_lab import TsaiCamera
+    >>> from pegpose_lab.camera import as_sensor
+    >>> as_sensor(TsaiCamera(8.0, (0.01, 0.01), (319.5, 239.5), (640, 480))).pixel_pitch
+    (0.01, 0.01)
+    """
     if not isinstance(camera, (Sensor, TsaiCamera)):
         raise ValueError(f"camera is {type(camera).__name__}; expected a Sensor or a TsaiCamera")
     return camera if isinstance(camera, Sensor) else camera.sensor

@@ -1,6 +1,9 @@
 """The Hough transform for circles of any size: an octave of radii at a time, on reduced images."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -9,6 +12,11 @@ from .edges import _sobel
 from .outlines import BAND, LEAST_VOTES, _best_radii, _edges_near, _fit_outlines
 from .own_radius import _in_range
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from .request import _Request
+
 OCTAVE = 5.0  # px, smallest radius that is searched on a reduced image; the largest is twice that, or 2.4 times
 NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of noise, and at all (rounding's is 4)
 
@@ -16,8 +24,8 @@ NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in 
 # ----------------------------------------------------------------------------------------------- multiscale
 
 
-def find(image, request):
-    """Rows x, y, r, score: each octave of radii is searched on an image of its own (see `find_circles`)."""
+def find(image: NDArray[np.uint8], request: _Request) -> NDArray[np.float64]:
+    """Rows x, y, r, score: each octave of radii is searched on a image of its own (see `find_circles`)."""
     reduction, rows = 1, [np.empty((0, 4))]
     largest = min(request.r_max, min(image.shape))  # larger circles show less than half their edge
     while True:

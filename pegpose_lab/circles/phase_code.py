@@ -5,12 +5,21 @@ References
 T. J. Atherton and D. J. Kerbyson, "Size invariant circle detection", Image and Vision Computing 17(11), 1999.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .peaks import SMOOTHING, _find_by_votes
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
-def find(window, request):
+    from .request import _Request
+
+
+def find(window: NDArray[np.uint8], request: _Request) -> NDArray[np.float64]:
     """Rows x, y, r, score of the circles in one window."""
     return _find_by_votes(window, request, _radius_by_phase)
 

@@ -7,12 +7,21 @@ Image and Vision Computing 8(1), 1990.
 E. R. Davies, "A modified Hough scheme for general circle location", Pattern Recognition Letters 7(1), 1988.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from .peaks import _find_by_votes
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
-def find(window, request):
+    from .request import _Request
+
+
+def find(window: NDArray[np.uint8], request: _Request) -> NDArray[np.float64]:
     """Rows x, y, r, score of the circles in one window."""
     return _find_by_votes(window, request, _radius_by_histogram)
 

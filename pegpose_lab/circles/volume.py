@@ -1,5 +1,9 @@
 """Maxima of the classic three-dimensional accumulator, held three planes at a time."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 
@@ -7,8 +11,13 @@ from .edges import _Gradient, _thin_edges
 from .own_radius import _in_range
 from .votes import _draw_circles
 
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
-def find(window, request):
+    from .request import _Request
+
+
+def find(window: NDArray[np.uint8], request: _Request) -> NDArray[np.float64]:
     """Rows x, y, r, score: maxima of the 3-D accumulator, held three planes at a time."""
     gradient = _Gradient(window)
     if not gradient.magnitude.any():

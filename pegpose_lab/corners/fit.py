@@ -21,10 +21,16 @@ down to the smallest blur and s^2 constant below it (a parabola joins the two). 
 (maximum likelihood under white noise) gives the corner, the directions of both edges, v and the levels together.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import erf
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SHARPENING = 0.9  # px, the Gaussian of the unsharp mask that stands for a camera's sharpening
 SMALLEST_VARIANCE, BLEND = 0.04, 0.15  # px^2, where blur gives way to sharpening, and how softly
@@ -60,7 +66,13 @@ class CornerFits:
     converged: np.ndarray
 
 
-def fit_corners(values, weights, lattice, start, rough=False):
+def fit_corners(
+    values: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    lattice: NDArray[np.float64],
+    start: NDArray[np.float64],
+    rough: bool = False,
+) -> CornerFits:
     """Fit the module's model to windows by Levenberg's and Marquardt's damped least squares, all at once.
 
     Parameters
@@ -164,7 +176,9 @@ def _step(parameters, normal, right, damping):
     return np.clip(step, -limits, limits), np.sqrt(np.maximum(worst, 0.0))
 
 
-def edge_crossing(parameters, lattice):
+def edge_crossing(
+    parameters: NDArray[np.float64], lattice: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The model (n, k) of the module's text and its derivatives (n, k, 9)."""
     x, y, first, second, variance, mean, amplitude, slope_x, slope_y = parameters.T[:, :, None]
     dx, dy = lattice[0] - x, lattice[1] - y

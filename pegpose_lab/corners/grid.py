@@ -5,8 +5,17 @@ no board, and they need only about six pixels per square.  So they are given the
 is larger still, finally the part of it with most saddle points, for a small board in a large image.
 """
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
 
 COARSE, MEDIUM, FINE = 0.25e6, 0.6e6, 4e6  # px, the sizes of image that are searched
 LARGEST_ENLARGEMENT = 2.0
@@ -14,7 +23,9 @@ SMALLEST_IMAGE = 14  # px along a side
 _SEVEN = np.ones((7, 7), np.uint8)
 
 
-def candidate_grids(image, columns, rows):
+def candidate_grids(
+    image: NDArray[np.uint8], columns: int, rows: int
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.uint8], float, NDArray[np.float64]]]:
     """Yield grids that may be a board of columns x rows inner corners, the cheapest search first.
 
     Parameters
@@ -42,7 +53,7 @@ def candidate_grids(image, columns, rows):
                     yield grid, view, scale, offset
 
 
-def seen_grid(image):
+def seen_grid(image: NDArray[np.uint8]) -> tuple[NDArray[np.float64] | None, NDArray[np.uint8]]:
     """The largest grid of corners (rows, columns, 2) that is seen in a reduced image, or None; and that image."""
     view = _resized(image, COARSE)[0]
     if min(view.shape) < SMALLEST_IMAGE:

@@ -1,8 +1,15 @@
 """Whether a measured grid of corners is the whole board that was asked for, seen at one instant."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..checks import DetectionError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 _OUTSIDE = 1.2, 1.35, 1.5, 1.65  # squares beyond the outermost corners: in the second square, its nearer half
 _INSIDE = -0.35, -0.5, -0.65  # in the first square inside
@@ -12,7 +19,7 @@ LARGEST_COMBING = 1.2  # 0.2 to 0.4 in photographs, 1 in noise; two fields 2 px 
 _SIDES = "left", "right", "upper", "lower"
 
 
-def check_ends(image, grid):
+def check_ends(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> None:
     """Raise if the pattern goes on beyond a side of a grid: the board is larger than asked for.
 
     Parameters
@@ -43,7 +50,7 @@ def check_ends(image, grid):
             )
 
 
-def check_fields(image, grid):
+def check_fields(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> None:
     """Raise if odd and even lines show the board at different places, as in an interlaced image of a moving board.
 
     Parameters

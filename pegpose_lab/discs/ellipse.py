@@ -12,8 +12,8 @@ class _Ellipse:
     x: np.ndarray
     y: np.ndarray
     r: np.ndarray
-    m: np.ndarray = 0.0
-    angle: np.ndarray = 0.0
+    m: np.ndarray | float = 0.0
+    angle: np.ndarray | float = 0.0
 
     @property
     def axes(self):

@@ -3,13 +3,15 @@
 Like ``__main__.py`` this file has to run on a bare Python: it imports the standard library only.
 """
 
+from __future__ import annotations
+
 import argparse
 from pathlib import Path
 
 from . import measuring
 
 
-def parse(arguments, checkout):
+def parse(arguments: list[str], checkout: Path) -> argparse.Namespace:
     """Parse the command line; what stands after ``--`` is handed on as it is, as the option ``extra``."""
     parser = _parser(checkout)
     dashes = arguments.index("--") if "--" in arguments else len(arguments)

@@ -3,6 +3,8 @@
 Like ``__main__.py`` this file has to run on a bare Python: it imports the standard library only.
 """
 
+from __future__ import annotations
+
 import hashlib
 import importlib.util
 import json
@@ -29,7 +31,7 @@ FETCHED_MB, INSTALLED_MB = 200, 800
 SECONDS = {"uv": 5, "pip": 90}
 
 
-def set_up():
+def set_up() -> bool:
     """Make `.venv`, or bring it up to date; return whether there was anything to do.
 
     A stamp in the folder says which lock, Python and checkout it was made for.  It is emptied before
@@ -102,17 +104,17 @@ def _pin_count():
     return len(re.findall(r"^[\w.-]+==", LOCK.read_text(encoding="utf-8"), re.MULTILINE))
 
 
-def python():
+def python() -> Path:
     """The Python of `.venv`."""
     return VENV / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
-def contrib_folder():
+def contrib_folder() -> Path:
     """The folder that holds opencv-contrib, which cannot live in one environment with OpenCV."""
     return VENV / "contrib"
 
 
-def is_active():
+def is_active() -> bool:
     """Whether this very process runs in `.venv`."""
     return Path(sys.prefix).resolve() == VENV.resolve()
 
@@ -226,7 +228,7 @@ def _install_commands(*arguments, python_there=None):
     return commands
 
 
-def python_of_version(version):
+def python_of_version(version: str) -> Path | None:
     """Return the Python of an environment like `.venv` for another version of Python, or None where there is none.
 
     It lies in a folder of `.venv`, is made on first use and anew for another lock, and goes with `.venv`.
@@ -245,7 +247,7 @@ def python_of_version(version):
     return own
 
 
-def add_bench_packages():
+def add_bench_packages() -> None:
     """Add the packages of the optional group `bench` to `.venv`, and opencv-contrib to a folder in it.
 
     Whatever else they need stays at the version that the lock pins.  What cannot be had (no network) is named,

@@ -6,7 +6,10 @@ Positions are fractions of the axes (0 at the left and lower edge, 1 at the righ
 cannot be told apart in the figure is not told apart in the digest.
 """
 
+from __future__ import annotations
+
 import itertools
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.collections import Collection
@@ -21,6 +24,9 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 from matplotlib.transforms import IdentityTransform
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 FAR = 2.0
 """Positions outside the axes count up to so many widths of them: that they are outside is all that is seen."""
 
@@ -33,7 +39,7 @@ _KINDS = {
 }
 
 
-def figure_digest(fig):
+def figure_digest(fig: Figure) -> str:
     """Return what a figure draws, as text of some lines for each of its axes.
 
     Parameters

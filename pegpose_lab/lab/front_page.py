@@ -4,6 +4,8 @@
 full tables stand in data/results/README.md (`claims.update_readme`, `bench.write`).
 """
 
+from __future__ import annotations
+
 from pathlib import Path
 
 from .. import paper
@@ -12,7 +14,7 @@ from ..paper import claims
 from . import results
 
 
-def write(readme, folder):
+def write(readme: Path, folder: Path) -> None:
     """Renew both blocks of a README from the results in a folder.
 
     Raises
@@ -24,7 +26,7 @@ def write(readme, folder):
         results.update_block(readme, name, text)
 
 
-def is_current(readme, folder):
+def is_current(readme: Path, folder: Path) -> bool:
     """Return whether `write` would leave the README as it is; raises as it does."""
     return all(results.block_is_current(readme, name, text) for name, text in _blocks(Path(folder)).items())
 

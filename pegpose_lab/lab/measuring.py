@@ -4,8 +4,14 @@ The table stands here, and not in `study`, so that ``measure --help`` shows it o
 standard library only, and a function's room when that function is called.
 """
 
+from __future__ import annotations
+
 import sys
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
 
 
 class Measurement(NamedTuple):
@@ -40,14 +46,14 @@ MEASUREMENTS = {
 """Name: measurement, those of third-party photographs first, then from fast to slow."""
 
 
-def known(name):
+def known(name: str) -> str:
     """Return the name of a measurement; end the program in one sentence if there is none of that name."""
     if name not in MEASUREMENTS:
         raise SystemExit(f"Nothing to measure is called {name}; there are: {', '.join(MEASUREMENTS)}.")
     return name
 
 
-def listed():
+def listed() -> str:
     """Return the list of measurements for ``measure --help``."""
     rows = [
         (name, f"about {line.takes}", ", ".join(f"{file}.csv" for file in line.files) + " *" * bool(line.photographs))
@@ -59,7 +65,7 @@ def listed():
     return "\n".join(["NAME, time on two cores, what is written into data/measured:", *lines, notes])
 
 
-def measure(names, folder):
+def measure(names: Sequence[str], folder: Path) -> int:
     """Make measurements anew in a folder; return the exit code.
 
     Parameters

@@ -7,7 +7,7 @@ apart).  `show_figure` also stores what the figure draws, because nbval does not
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,13 +19,15 @@ from ..files import output_folder, replacing
 from .figure_digest import figure_digest
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
-    from typing import Any
 
+    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
+    Floats = NDArray[np.float64]
 COLORS = {
     "paper": "#000000",
     "truth": "#666666",
@@ -63,8 +65,7 @@ STYLE = {
     "figure.constrained_layout.use": True,
     "font.size": 10,
     "axes.titlesize": 10,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
+    **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False),
     "legend.frameon": False,
     "image.cmap": "gray",
     "lines.linewidth": 1.5,
@@ -122,11 +123,8 @@ def show_figure(fig: Figure, name: str) -> None:
 
 
 def plot_image(
-    ax: Axes,
-    image: ArrayLike,
-    title: str | None = None,
-    *,
-    limits: tuple[float, float, float, float] | None = None,
+    ax: Axes, image: ArrayLike, title: str | None = None,
+    *, limits: tuple[float, float, float, float] | None = None,
 ) -> None:
     """Show a picture with pixel coordinates; `limits` = (left, right, top, bottom) px to zoom (only that part is drawn)."""
     image = np.asarray(image)
@@ -173,14 +171,20 @@ def plot_circles(
     ax.plot(*np.atleast_2d(centers).T, "+", color=color, markersize=7, label=label)
 
 
-def plot_ellipses(ax, centers, semi_axes, angles, *, color=COLORS["joint"], label=None):
+def plot_ellipses(
+    ax: Axes, centers: Floats, semi_axes: Floats, angles: Floats,
+    *, color: str = COLORS["joint"], label: str | None = None,
+) -> None:
     """Ellipses with their centres; semi-axes px, angles rad."""
     for center, (major, minor), angle in zip(centers, semi_axes, angles, strict=False):
         ax.add_patch(Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2))
     ax.plot(*np.atleast_2d(centers).T, "x", color=color, markersize=5, label=label)
 
 
-def plot_residuals(ax, image_points, residuals, *, scale=1000.0, color=COLORS["genetic"], image_size=None):
+def plot_residuals(
+    ax: Axes, image_points: Floats, residuals: Floats,
+    *, scale: float = 1000.0, color: str = COLORS["genetic"], image_size: tuple[int, int] | None = None,
+) -> None:
     """Residuals as arrows, `scale` times enlarged, with the longest one's length in the title."""
     ax.quiver(*image_points.T, *residuals.T, angles="xy", scale_units="xy", scale=1 / scale, color=color, width=0.003)
     longest = np.hypot(*residuals.T).max()
@@ -189,7 +193,9 @@ def plot_residuals(ax, image_points, residuals, *, scale=1000.0, color=COLORS["g
         ax.set(xlim=(0, image_size[0]), ylim=(image_size[1], 0))
 
 
-def plot_convergence(ax, histories, *, label, color, floor=None):
+def plot_convergence(
+    ax: Axes, histories: Iterable[pd.DataFrame], *, label: str, color: str, floor: float | None = None
+) -> None:
     """Best objective over the generations, one line for each history (seed)."""
     for number, history in enumerate(histories):
         ax.semilogy(history["generation"], history["best"], color=color, alpha=0.6, label=label if number == 0 else None)
@@ -205,7 +211,10 @@ def plot_map(ax: Axes, x: ArrayLike, y: ArrayLike, values: ArrayLike) -> Any:
     return filled
 
 
-def plot_error_histogram(ax, distances, *, limit=None, bins=None, color=COLORS["genetic"], label=None):
+def plot_error_histogram(
+    ax: Axes, distances: Floats,
+    *, limit: float | None = None, bins: ArrayLike | None = None, color: str = COLORS["genetic"], label: str | None = None,
+) -> None:
     """Frequency of re-projection distances (Fig. 6), with the share below `limit` in the legend."""
     edges = np.linspace(0, max(distances.max(), limit or 0) * 1.02, 25) if bins is None else bins
     if limit is not None:
@@ -217,7 +226,9 @@ def plot_error_histogram(ax, distances, *, limit=None, bins=None, color=COLORS["
         ax.legend()
 
 
-def plot_error_scatter(ax, residuals, *, color=COLORS["genetic"], label=None, limit=None):
+def plot_error_scatter(
+    ax: Axes, residuals: Floats, *, color: str = COLORS["genetic"], label: str | None = None, limit: float | None = None
+) -> None:
     """Re-projection errors in x and y (Fig. 7), with a circle at `limit`."""
     ax.plot(*residuals.T, ".", color=color, markersize=3, alpha=0.6, label=label)
     if limit is not None:
@@ -229,7 +240,10 @@ def plot_error_scatter(ax, residuals, *, color=COLORS["genetic"], label=None, li
         ax.legend()
 
 
-def plot_dots(ax, names, values, *, colors, unit, printed=(), logarithmic=False):
+def plot_dots(
+    ax: Axes, names: Sequence[str], values: Mapping[str, ArrayLike],
+    *, colors: Mapping[str, str], unit: str, printed: Iterable[float] = (), logarithmic: bool = False,
+) -> None:
     """Dots in a row for each name, one colour for each method; printed numbers as dotted vertical lines.
 
     `values` maps a method to as many numbers as there are `names`, `colors` a method to its colour.
@@ -251,14 +265,18 @@ def plot_dots(ax, names, values, *, colors, unit, printed=(), logarithmic=False)
         ax.set_xscale("log")
 
 
-def plot_profiles(ax, x, values, *, colors, xlabel, ylabel):
+def plot_profiles(
+    ax: Axes, x: ArrayLike, values: Mapping[str, ArrayLike], *, colors: Mapping[str, str], xlabel: str, ylabel: str
+) -> None:
     """One line over `x` for each label of `values`."""
     for label, numbers in values.items():
         ax.plot(x, numbers, color=colors[label], label=label)
     ax.set(xlabel=xlabel, ylabel=ylabel)
 
 
-def plot_quadrilateral(ax, corners, *, color, label=None, lengths=None):
+def plot_quadrilateral(
+    ax: Axes, corners: Floats, *, color: str, label: str | None = None, lengths: Sequence[str] | None = None
+) -> None:
     """Closed outline of four or more corners (n, 2) px, with a text at the middle of each side (y down)."""
     ax.plot(*np.vstack([corners, corners[:1]]).T, "o-", color=color, markersize=5, label=label)
     middle = np.mean(corners, axis=0)
@@ -270,7 +288,7 @@ def plot_quadrilateral(ax, corners, *, color, label=None, lengths=None):
         ax.invert_yaxis()
 
 
-def plot_block_means(ax, table, *, color=COLORS["paper"], label="paper"):
+def plot_block_means(ax: Axes, table: pd.DataFrame, *, color: str = COLORS["paper"], label: str = "paper") -> None:
     """Table 3: mean of each block of frames with its standard error sd / sqrt(frames) (see `paper.table3`)."""
     count = table["last_frame"] - table["first_frame"] + 1
     middle = (table["first_frame"] + table["last_frame"]) / 2

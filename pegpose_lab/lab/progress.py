@@ -3,11 +3,17 @@
 Like `environment` this file has to run on a bare Python: it imports the standard library only.
 """
 
+from __future__ import annotations
+
 import re
 import subprocess
 import sys
 import threading
 import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 INTERVAL = 10.0  # s between two lines where a line cannot be written over
 LAST_LINES = 20  # of what the installer said, shown if it fails
@@ -24,7 +30,7 @@ class Count:
         self.total = total  # pins of all systems; the installer says how many of them are for this one
         self.fetched = 0
 
-    def read(self, line):
+    def read(self, line: str) -> None:
         """Take in one line."""
         resolved, prepared = _RESOLVED.match(line), _PREPARED.match(line)
         if resolved:
@@ -37,7 +43,7 @@ class Count:
             self.fetched = min(self.fetched + 1, self.total)
 
 
-def run(command, folder, total):
+def run(command: list[str | Path], folder: Path, total: int) -> int:
     """Run an installer, show how many packages are fetched and installed; return its exit code.
 
     Parameters

@@ -114,7 +114,7 @@ def _check_identifiers(values):
 
 
 @functools.cache
-def known_identifiers() -> set[str]:
+def known_identifiers() -> frozenset[str]:
     """Return the ids that a saved value may have: those of the printed numbers, and others that the rules need."""
     identifiers = set(paper.printed_numbers().index)
     ranges = [identifier for identifier in identifiers if _rule(identifier)["otherwise"] == "range"]

@@ -115,6 +115,12 @@ def monte_carlo(
     ------
     ValueError
         If an argument is unusable or the file has other columns.
+
+    Examples
+    --------
+    >>> from pegpose_lab import study
+    >>> study.monte_carlo(trials=2, workers=1, progress=False)["rms"].round(1).tolist()
+    [0.1, 0.1]
     """
     corners = as_choice(corners, "corners", CORNERS)
     conditions = _as_conditions(noises, tilts, views, methods, trials)
@@ -177,7 +183,16 @@ def _see(corners, camera, board, poses, noise, rng):
 def trial_poses(
     board: Checkerboard, tilt: float, views: int, rng: int | Sequence[int] | np.random.Generator | None
 ) -> list[RigidTransform]:
-    """Poses of `views` boards, each tilted by `tilt` degrees, about axes spread evenly from a random first one."""
+    """Poses of `views` boards, each tilted by `tilt` degrees, about axes spread evenly from a random first one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab import Checkerboard, study
+    >>> tilts = [np.arccos(pose.rotation.as_matrix()[2, 2]) for pose in study.trial_poses(Checkerboard(), 30.0, 3, 0)]
+    >>> np.degrees(tilts).round(3).tolist()
+    [30.0, 30.0, 30.0]
+    """
     rng = np.random.default_rng(rng)
     first, poses = rng.uniform(0, 2 * np.pi), []
     for view in range(views):

@@ -10,12 +10,12 @@ import pegpose_lab
 from pegpose_lab.files import PROJECT_FOLDER
 
 PACKAGE = PROJECT_FOLDER / "pegpose_lab"
-FACES = ("circles", "corners", "discs", "pegs", "pose", "render", "segmentation", "targets", "paper", "study")
-WITHOUT = {"camera", "calibration"}
-"""Rooms whose names need no example yet."""
-
-TOO_LONG = {"study.compare", "study.dataset", "study.load_rendered_trials", "study.monte_carlo", "study.trial_poses"}
-"""Names without an example: `compare` takes long, `dataset` needs photographs, the others' file has no room for it."""
+FACES = (
+    "calibration", "camera", "circles", "corners", "discs", "pegs", "pose", "render", "segmentation", "targets", "paper",
+    "study",
+)  # fmt: skip
+TOO_LONG = {"study.compare", "study.dataset", "study.load_rendered_trials"}
+"""Names without an example: `compare` takes long, `dataset` needs photographs, the third's file has no room for it."""
 
 MODULES = sorted(
     ".".join(path.relative_to(PROJECT_FOLDER).with_suffix("").parts).removesuffix(".__init__")
@@ -26,7 +26,7 @@ MODULES = sorted(
 
 def public():
     """{name: function or class} of the package and of the faces, without constants."""
-    found = {name: getattr(pegpose_lab, name) for name in pegpose_lab.__all__ if pegpose_lab._HOME[name] not in WITHOUT}
+    found = {name: getattr(pegpose_lab, name) for name in pegpose_lab.__all__}
     for face in FACES:
         module = importlib.import_module(f"pegpose_lab.{face}")
         names = getattr(module, "__all__", [name for name in pegpose_lab._HOME if pegpose_lab._HOME[name] == face])

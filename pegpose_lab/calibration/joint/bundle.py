@@ -10,13 +10,23 @@ the camera has parameters: time and memory grow linearly with the number of view
 views have about the camera when nothing is known of their poses; its smallest eigenvalue says if they determine it.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...checks import CalibrationError
 from .covariance import in_words
 from .views import evaluate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from .views import LensModel, State, Views
 
 MAX_STEPS = 200
 SMALL_STEP = 1e-7
@@ -49,7 +59,9 @@ class Equations:
     cost: float
 
     @classmethod
-    def of(cls, residuals, jacobian, weights):
+    def of(
+        cls, residuals: NDArray[np.float64], jacobian: NDArray[np.float64], weights: NDArray[np.float64]
+    ) -> Equations:
         v, m, _, columns = jacobian.shape
         k, root = columns - 6, np.sqrt(weights)[:, :, None]
         rows = (jacobian * root[..., None]).reshape(v, 2 * m, columns)
@@ -58,7 +70,9 @@ class Equations:
         blocks = normal[:, :k, :k].sum(axis=0), normal[:, :k, k:], normal[:, k:, k:]
         return cls(*blocks, gradient[:, :k].sum(axis=0), gradient[:, k:], float(np.sum(residuals**2)))
 
-    def eliminated(self, damping=0.0):
+    def eliminated(
+        self, damping: float = 0.0
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """S (k, k), and C^-1 B^T (V, 6, k) and C^-1 times the poses' gradient (V, 6, 1)."""
         k = len(self.a)
         c = self.c.copy()
@@ -68,7 +82,7 @@ class Equations:
         np.einsum("ii->i", schur)[:] += damping * np.diagonal(self.a)
         return schur, solved[:, :, :k], solved[:, :, k:]
 
-    def directions(self):
+    def directions(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Eigenvalues (k,) of S scaled by A's diagonal, smallest first, the directions (k, k) as rows, in the scaled
         parameters, and what the poses (V, 6, k) do along each."""
         schur, by_shared, _ = self.eliminated()
@@ -76,7 +90,7 @@ class Equations:
         values, vectors = np.linalg.eigh(schur / np.outer(scale, scale))
         return values, vectors.T, -by_shared @ (vectors / scale[:, None])
 
-    def step(self, damping):
+    def step(self, damping: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
         """Steps of the camera's parameters, turns and shifts, and the decrease of the cost that they promise."""
         schur, by_shared, by_gradient = self.eliminated(damping)
         reduced = self.shared_gradient - (self.b @ by_gradient).sum(axis=0)[:, 0]
@@ -87,7 +101,9 @@ class Equations:
         return shared, pose[:, :3], pose[:, 3:], promised
 
 
-def minimise(model, views, state, weights):
+def minimise(
+    model: LensModel, views: Views, state: State, weights: NDArray[np.float64]
+) -> tuple[State, Equations]:
     """The state at the minimum and its `Equations`."""
     state, equations, settled = descend(model, views, state, weights)
     if not settled:
@@ -100,7 +116,13 @@ def minimise(model, views, state, weights):
     return state, equations
 
 
-def descend(model, views, state, weights, leave=None):
+def descend(
+    model: LensModel,
+    views: Views,
+    state: State,
+    weights: NDArray[np.float64],
+    leave: Callable[[State], bool] | None = None,
+) -> tuple[State, Equations, bool]:
     """Levenberg and Marquardt's method: the last state, its `Equations`, and whether it is a minimum.
 
     The search ends early at a state for which `leave`, if given, is true.
@@ -141,7 +163,9 @@ def _step(equations, damping):
     return step, promised
 
 
-def minimise_robust(model, views, state, loss):
+def minimise_robust(
+    model: LensModel, views: Views, state: State, loss: str
+) -> tuple[State, NDArray[np.float64], float]:
     """Repeated weighted least squares: weights by the distances, which are judged by their median.
 
     Returns the state at the minimum, the weights, and the variance per axis that `_robust_variance` gives.
@@ -161,7 +185,7 @@ def minimise_robust(model, views, state, loss):
     )
 
 
-def robust_weights(scaled, loss):
+def robust_weights(scaled: NDArray[np.float64], loss: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     r"""Weight w and slope w' r of the distances r in standard deviations; the influence is :math:`\psi = w r`."""
     if loss == "huber":
         weights = HUBER / np.maximum(scaled, HUBER)

@@ -76,6 +76,18 @@ def calibrate_joint(
     CalibrationError
         If the views do not determine f, as when all are fronto-parallel as far as the noise can tell, or not all
         parameters together, or no minimum is found.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_joint
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> camera, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001), Checkerboard().object_points
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> images = [camera.project(board, pose) for pose in poses]
+    >>> found = calibrate_joint([board] * 3, images, camera.sensor)
+    >>> round(found.camera.focal_length, 3), round(found.camera.kappa1, 5), round(found.rms, 3)
+    (8.0, 0.001, 0.0)
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
     sensor = as_sensor(camera)

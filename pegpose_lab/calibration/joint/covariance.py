@@ -1,15 +1,30 @@
 """What least squares leaves uncertain: the covariance, and what is not determined at all."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...checks import CalibrationError
 from ..result import pose_names
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from .bundle import Equations
+    from .views import LensModel, State, Views
+
 LEAST_INFORMATION = 1e-11
 """Smallest eigenvalue of S, scaled by A's diagonal: the part of the information that unknown poses leave."""
 
 
-def covariance_of(model, views, state, equations, variance):
+def covariance_of(
+    model: LensModel, views: Views, state: State, equations: Equations, variance: float
+) -> pd.DataFrame:
     """Covariance of all parameters as a labelled table, translations being those of the objects' own origins.
 
     `equations` are without weights, `variance` is that of a coordinate, px^2.
@@ -51,7 +66,7 @@ def _undetermined(names, directions, poses):
     )
 
 
-def in_words(names, direction, poses):
+def in_words(names: Sequence[str], direction: NDArray[np.float64], poses: NDArray[np.float64]) -> str:
     """Names of the parameters that change along a direction, and T_z if the poses shift along it."""
     free = [name for name, part in zip(names, direction, strict=True) if abs(part) > 0.1 * np.abs(direction).max()]
     shifts = np.abs(poses[:, 3:]).max(axis=0)

@@ -37,6 +37,16 @@ def calibrate_dlt(object_points: ArrayLike, image_points: ArrayLike, camera: Sen
         If the input is unusable.
     CalibrationError
         If the view does not determine f, or no camera sees the plane so.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_dlt
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0).project(board, pose)
+    >>> round(calibrate_dlt(board, image, sensor).camera.focal_length, 3)
+    8.0
     """
     object_points, image_points = as_views([object_points], [image_points], MINIMUM_POINTS)
     sensor = as_sensor(camera)

@@ -1,5 +1,7 @@
 """A lens model fitted to all views: from the start to the covariance; what it is worth others judge (`joint`, `misfit`)."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +14,12 @@ from .starts import find_start
 from .views import State, Views, evaluate
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pandas as pd
+    from numpy.typing import NDArray
+
+    from .models import OpenCVModel, TsaiModel
 
 
 @dataclass(frozen=True)
@@ -22,22 +29,27 @@ class Fit:
     `weights` are 1 where there is a point, or those of a robust loss; `variance` is that of a coordinate, px^2.
     """
 
-    model: object
+    model: TsaiModel | OpenCVModel
     views: Views
     state: State
-    equations: object
+    equations: Equations
     weights: np.ndarray
     variance: float
     freedom: int
-    covariance: "pd.DataFrame"
+    covariance: pd.DataFrame
 
     @property
-    def squares(self):
+    def squares(self) -> float:
         """Sum of the squared residuals, px^2; with a robust loss that of `pseudo_residuals`."""
         return self.variance * self.freedom
 
 
-def fit_views(model, object_points, image_points, loss="linear"):
+def fit_views(
+    model: TsaiModel | OpenCVModel,
+    object_points: Sequence[NDArray[np.float64]],
+    image_points: Sequence[NDArray[np.float64]],
+    loss: str = "linear",
+) -> Fit:
     """Minimise; not yet judged."""
     views = Views.stack(object_points, image_points)
     _demand_freedom(model, views)
@@ -48,7 +60,13 @@ def fit_views(model, object_points, image_points, loss="linear"):
     return fit_at(model, views, *minimise_robust(model, views, state, loss))
 
 
-def fit_at(model, views, state, weights=None, variance=None):
+def fit_at(
+    model: TsaiModel | OpenCVModel,
+    views: Views,
+    state: State,
+    weights: NDArray[np.float64] | None = None,
+    variance: float | None = None,
+) -> Fit:
     """The `Fit` of a state that is a minimum; the variance is that of the residuals if it is not given."""
     freedom = _demand_freedom(model, views)
     equations = Equations.of(*evaluate(model, views, state), views.used)

@@ -18,7 +18,10 @@ a view that fits worse than `STANDS_OUT` times the others is flagged, by varianc
 Where both speak, that explanation is told which leaves the smaller variance.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import fdtrc
@@ -28,6 +31,13 @@ from .bundle import SMALLEST_RMS, Equations
 from .fitting import fit_views
 from .models import COEFFICIENTS, OpenCVModel, TsaiModel, lens_model
 from .views import evaluate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from .fitting import Fit
 
 LEVEL = 0.01
 """Chance that some richer model, or some view, is flagged though all is as the model says."""
@@ -49,7 +59,12 @@ class _Better:
     moved: np.ndarray
 
 
-def judge_misfit(fit, object_points, image_points, loss="linear"):
+def judge_misfit(
+    fit: Fit,
+    object_points: Sequence[NDArray[np.float64]],
+    image_points: Sequence[NDArray[np.float64]],
+    loss: str = "linear",
+) -> tuple[Flag, ...]:
     """Flags, a tuple; the points and the loss are those that were fitted."""
     if fit.variance <= SMALLEST_RMS**2:  # no noise: nothing to judge by
         return ()
@@ -62,7 +77,12 @@ def judge_misfit(fit, object_points, image_points, loss="linear"):
     return (Flag("misfit-lens", _model_sentence(fit, better)),) if better else ()
 
 
-def views_in_doubt(fit, object_points, image_points, loss="linear"):
+def views_in_doubt(
+    fit: Fit,
+    object_points: Sequence[NDArray[np.float64]],
+    image_points: Sequence[NDArray[np.float64]],
+    loss: str = "linear",
+) -> str:
     """A sentence on the views that do not fit the others, or an empty one; arguments as of `judge_misfit`."""
     outlying, rest = _outlying_views(fit, object_points, image_points, loss)
     return _view_sentence(fit, outlying, rest) if outlying else ""

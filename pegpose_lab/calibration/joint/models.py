@@ -1,16 +1,28 @@
 """Lens models for least squares: their parameters, the camera they make, and the projection with its derivatives."""
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...camera import OpenCVCamera, distort_radius, max_undistorted_radius
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from ...camera import Sensor, TsaiCamera
+
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 """OpenCV's distortion coefficients in OpenCV's order."""
 
 
-def lens_model(sensor, free_center, two_focal_lengths, coefficients):
+def lens_model(
+    sensor: Sensor, free_center: bool, two_focal_lengths: bool, coefficients: str | Sequence[str] | None
+) -> TsaiModel | OpenCVModel:
     """The model of these options of `calibrate_joint`; ValueError if there are no such coefficients."""
     if coefficients is None:
         return TsaiModel(sensor, free_center, two_focal_lengths)
@@ -36,14 +48,14 @@ class TsaiModel:
         self.columns = np.flatnonzero(free)
 
     @classmethod
-    def known(cls, camera):
+    def known(cls, camera: TsaiCamera) -> TsaiModel:
         """The model of a camera of which nothing is free."""
         model = cls(camera.sensor, False, False)
         model.names, model.columns = [], np.zeros(0, int)
         model.held[0], model.held[2] = camera.focal_length, camera.kappa1
         return model
 
-    def start(self, focal_length):
+    def start(self, focal_length: float) -> NDArray[np.float64]:
         return np.array([focal_length, *self.held[1:]])[self.columns]
 
     def _values(self, shared):
@@ -52,11 +64,13 @@ class TsaiModel:
             values[column] = value
         return values
 
-    def camera(self, shared):
+    def camera(self, shared: Sequence[float] | NDArray[np.float64]) -> TsaiCamera:
         focal_length, scale_x, kappa1, *center = self._values(shared)
         return replace(self.sensor, scale_x=scale_x, principal_point=tuple(center)).camera(focal_length, kappa1)
 
-    def project(self, shared, points):
+    def project(
+        self, shared: Sequence[float] | NDArray[np.float64], points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
         r"""Image points (n, 2) of points in the camera frame, and derivatives by the parameters and by the point.
 
         None where a point has no image.  With :math:`h = 1 / (1 + \kappa_1 r_d^2)` and
@@ -103,7 +117,7 @@ class OpenCVModel:
         self.coefficients = [COEFFICIENTS.index(name) for name in coefficients]
         self.names = ["f_x", *["f_y"] * two_focal_lengths, *("c_x", "c_y") * free_center, *coefficients]
 
-    def start(self, focal_length):
+    def start(self, focal_length: float) -> NDArray[np.float64]:
         f_x, f_y = focal_length * self.sensor.pixels_per_mm
         center = self.sensor.principal_point if self.free_center else ()
         return np.array([f_x, *[f_y] * self.two, *center, *[0.0] * len(self.coefficients)])
@@ -117,13 +131,15 @@ class OpenCVModel:
         coefficients[self.coefficients] = shared
         return np.array([f_x, f_y]), np.array(center), coefficients
 
-    def camera(self, shared):
+    def camera(self, shared: Sequence[float] | NDArray[np.float64]) -> OpenCVCamera:
         focal, center, coefficients = self._split(shared)
         matrix = np.diag([*focal, 1.0])
         matrix[:2, 2] = center
         return OpenCVCamera(matrix, coefficients, self.sensor.image_size)
 
-    def project(self, shared, points):
+    def project(
+        self, shared: Sequence[float] | NDArray[np.float64], points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
         """As `TsaiModel.project`."""
         focal, center, (k1, k2, p1, p2, k3) = self._split(shared)
         if focal.min() <= 0 or points[:, 2].min() <= 0:
@@ -158,7 +174,9 @@ class GivenFocalLength:
     def __init__(self, model, focal_length):
         self.model, self.focal_length, self.names = model, focal_length, model.names[1:]
 
-    def project(self, shared, points):
+    def project(
+        self, shared: Sequence[float] | NDArray[np.float64], points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
         """As `TsaiModel.project`."""
         projection = self.model.project([self.focal_length, *shared], points)
         if projection is None:
@@ -167,7 +185,9 @@ class GivenFocalLength:
         return image, by_shared[:, :, 1:], by_point
 
 
-def derivative_by_point(by_x_u, x_u, focal_length, points):
+def derivative_by_point(
+    by_x_u: NDArray[np.float64], x_u: NDArray[np.float64], focal_length: float, points: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Derivatives (n, 2, 3) by the point in the camera frame, from those by x_u = f (x, y) / z."""
     by_point = np.empty((len(points), 2, 3))
     by_point[:, :, :2] = focal_length * by_x_u

@@ -60,6 +60,19 @@ def profile_focal_length(
         If the input is unusable.
     CalibrationError
         As `calibrate_joint`, but not because the interval is wide.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab import Checkerboard, Sensor, profile_focal_length
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> camera, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001), Checkerboard().object_points
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> images = [camera.project(board, pose) for pose in poses]
+    >>> images = images + 0.1 * np.random.default_rng(0).standard_normal(np.shape(images))
+    >>> low, high = profile_focal_length([board] * 3, images, camera.sensor)
+    >>> round(low, 2), round(high, 2), low < 8 < high
+    (7.99, 8.06, True)
     """
     level = as_number(level, "level", 0, 1, exclusive=True)
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
@@ -125,6 +138,19 @@ def weakest_direction(calibration: Calibration) -> tuple[float, str]:
     ------
     ValueError
         If the calibration has no covariance.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_joint, weakest_direction
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> camera, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001), Checkerboard().object_points
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> images = [camera.project(board, pose) for pose in poses]
+    >>> images = images + 0.1 * np.random.default_rng(0).standard_normal(np.shape(images))
+    >>> eigenvalue, words = weakest_direction(calibrate_joint([board] * 3, images, camera.sensor))
+    >>> round(eigenvalue, 3), words
+    (0.001, 'focal_length and T_z trade off')
     """
     if calibration.covariance is None:
         raise ValueError("calibration has no covariance; expected one of calibrate_joint or calibrate_zhang")

@@ -1,5 +1,9 @@
 """Where least squares of several views start: homographies and Zhang's constraints on f, or the linear stage 1."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -10,12 +14,24 @@ from ..planes import is_planar, plane_rotation
 from ..two_stage.tsai import solve_coplanar, solve_noncoplanar
 from .views import State, Views, evaluate
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from ...camera import Sensor
+    from .models import OpenCVModel, TsaiModel
+
 DISORDER = 0.25
 """Residual of a plane's homography, in units of the points' spread per axis, above which their order is wrong: wrong
 orders leave 0.3 to 0.8, lenses of any distortion at most 0.07 and noise of a fifth of a square 0.2."""
 
 
-def demand_views(object_points, image_points, image_size):
+def demand_views(
+    object_points: Sequence[NDArray[np.float64]],
+    image_points: Sequence[NDArray[np.float64]],
+    image_size: tuple[int, int],
+) -> None:
     """Refuse views whose points all lie outside of the image (where its size is known), or are in another order.
 
     Raises
@@ -36,7 +52,9 @@ def demand_views(object_points, image_points, image_size):
     demand_order(object_points, image_points)
 
 
-def demand_order(object_points, image_points):
+def demand_order(
+    object_points: Sequence[NDArray[np.float64]], image_points: Sequence[NDArray[np.float64]]
+) -> None:
     """Refuse planes of which the image points are no perspective image, not even roughly: their order is wrong.
 
     Raises
@@ -60,7 +78,12 @@ def demand_order(object_points, image_points):
         )
 
 
-def find_start(model, views, object_points, image_points):
+def find_start(
+    model: TsaiModel | OpenCVModel,
+    views: Views,
+    object_points: Sequence[NDArray[np.float64]],
+    image_points: Sequence[NDArray[np.float64]],
+) -> State:
     """Where to start: from homographies if the views are of planes and these give an f, else from stage 1."""
     matrix, focal_length = np.diag([*model.sensor.pixels_per_mm, 1.0]), None
     matrix[:2, 2] = model.sensor.principal_point
@@ -83,12 +106,12 @@ def find_start(model, views, object_points, image_points):
     return State(model.start(focal_length), rotations, np.array([pose.translation for pose in poses]))
 
 
-def plane_rotations(object_points):
+def plane_rotations(object_points: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Rotations (V, 3, 3) of the objects' frames into those of the planes through their points."""
     return np.array([plane_rotation(points) for points in object_points])
 
 
-def homographies_of(views, planes, sensor):
+def homographies_of(views: Views, planes: NDArray[np.float64], sensor: Sensor) -> NDArray[np.float64]:
     """Homographies (V, 3, 3) from the planes (see `plane_rotations`), with the origin at the points' centroid, to the
     sensor, mm, by the normalised direct linear transform."""
     return _linear_homographies(views, planes, (views.image - sensor.principal_point) / sensor.pixels_per_mm)[0]
@@ -128,7 +151,7 @@ def _normalised(points, used):
     return points * scale[:, None, None], matrix
 
 
-def focal_length_of(homographies):
+def focal_length_of(homographies: NDArray[np.float64]) -> float | None:
     """f, mm, by least squares over Zhang's two constraints of each view, or None: the columns h1, h2 of
     diag(1/f, 1/f, 1) H are orthogonal and of one length."""
     h1, h2 = (homographies / np.linalg.norm(homographies, axis=(1, 2), keepdims=True)).transpose(2, 0, 1)[:2]
@@ -138,7 +161,9 @@ def focal_length_of(homographies):
     return inverse_square**-0.5 if inverse_square > 0 else None
 
 
-def poses_of(homographies, planes, focal_length):
+def poses_of(
+    homographies: NDArray[np.float64], planes: NDArray[np.float64], focal_length: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rotations (V, 3, 3) of the objects and positions (V, 3) of their centroids, from the planes' homographies."""
     columns = np.diag([1 / focal_length, 1 / focal_length, 1.0]) @ homographies
     scale = (np.linalg.norm(columns[:, :, 0], axis=1) + np.linalg.norm(columns[:, :, 1], axis=1)) / 2
@@ -163,7 +188,9 @@ def _linear_focal_length(object_points, image_points, sensor):
     return min(found)[1]
 
 
-def pnp(object_points, image_points, camera_matrix):
+def pnp(
+    object_points: NDArray[np.float64], image_points: NDArray[np.float64], camera_matrix: NDArray[np.float64]
+) -> RigidTransform:
     """Pose of one view through an undistorted camera, by OpenCV."""
     found, rotation, translation = cv2.solvePnP(
         object_points, image_points, camera_matrix, None, flags=cv2.SOLVEPNP_SQPNP

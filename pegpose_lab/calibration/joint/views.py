@@ -1,9 +1,29 @@
 """All views' points, the parameters that explain them, and the residuals with their derivatives."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+
+
+class LensModel(Protocol):
+    """What least squares asks of a lens model (`models`): the parameters' names, and the projection."""
+
+    names: list[str]
+
+    def project(
+        self, shared: NDArray[np.float64], points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+        """As `models.TsaiModel.project`."""
 
 
 @dataclass(frozen=True)
@@ -16,7 +36,9 @@ class Views:
     used: np.ndarray
 
     @classmethod
-    def stack(cls, object_points, image_points):
+    def stack(
+        cls, object_points: Sequence[NDArray[np.float64]], image_points: Sequence[NDArray[np.float64]]
+    ) -> Views:
         shape = len(object_points), max(len(points) for points in object_points)
         points, image, used = np.zeros((*shape, 3)), np.zeros((*shape, 2)), np.zeros(shape)
         centroids = np.array([points.mean(axis=0) for points in object_points])
@@ -36,12 +58,12 @@ class State:
     rotations: np.ndarray
     positions: np.ndarray
 
-    def moved(self, shared, turns, shifts):
+    def moved(self, shared: NDArray[np.float64], turns: NDArray[np.float64], shifts: NDArray[np.float64]) -> State:
         """After a step; `turns` (V, 3) are rotation vectors about the camera's axes, applied after the rotation."""
         rotations = Rotation.from_rotvec(turns).as_matrix() @ self.rotations
         return State(self.shared + shared, rotations, self.positions + shifts)
 
-    def poses(self, views):
+    def poses(self, views: Views) -> list[RigidTransform]:
         """Poses of the objects' own origins."""
         origins = self.positions - np.einsum("vij,vj->vi", self.rotations, views.centroids)
         return [
@@ -50,7 +72,9 @@ class State:
         ]
 
 
-def evaluate(model, views, state):
+def evaluate(
+    model: LensModel, views: Views, state: State
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by the camera, a turn and a shift; None without an image."""
     turned = views.points @ state.rotations.transpose(0, 2, 1)
     points = (turned + state.positions[:, None]).reshape(-1, 3)

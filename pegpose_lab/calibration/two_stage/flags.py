@@ -29,6 +29,20 @@ def edge_intervals(object_points: ArrayLike, image_points: ArrayLike, camera: Se
     ------
     ValueError
         If the input is unusable.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab import Checkerboard, Sensor, edge_intervals
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard(4, 3, 60.0).object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> image = image + 0.1 * np.random.default_rng(0).standard_normal(image.shape)
+    >>> words = edge_intervals(board, image, sensor)
+    >>> low, high = words.split("f is ")[1].split(" mm")[0].split(" to ")
+    >>> round(float(low), 1), round(float(high), 1)
+    (7.9, 8.1)
     """
     held, free = (_allowed_f(object_points, image_points, camera, mode) for mode in ("fixed", "free"))
     return (

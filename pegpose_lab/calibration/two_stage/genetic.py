@@ -14,6 +14,8 @@ are arguments or stated with the function that settles them.
 Eqs. 9 and 10 are kept both ``"printed"`` and ``"corrected"``.  Each operator is a function of its own.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
@@ -24,7 +26,11 @@ from ...checks import as_count, as_points
 from .operators import blend_crossover, first_generation, power_mutation, roulette
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from typing import Any
+
     import pandas as pd
+    from numpy.typing import ArrayLike, NDArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,26 +56,26 @@ class GeneticResult:
     x: np.ndarray
     fun: float
     evaluations: int
-    history: "pd.DataFrame"
+    history: pd.DataFrame
     populations: np.ndarray | None = None
 
 
 def minimize_genetic(
-    objective,
-    bounds,
+    objective: Callable[[NDArray[np.float64]], ArrayLike],
+    bounds: ArrayLike,
     *,
-    initial=None,
-    population_size=60,
-    generations=100,
-    initialisation="uniform",
-    crossover="corrected",
-    alpha=0.75,
-    mutation="corrected",
-    mutation_index=10.0,
-    mutation_rate=0.05,
-    keep_populations=False,
-    rng=None,
-):
+    initial: ArrayLike | None = None,
+    population_size: int = 60,
+    generations: int = 100,
+    initialisation: str = "uniform",
+    crossover: str = "corrected",
+    alpha: float = 0.75,
+    mutation: str = "corrected",
+    mutation_index: float = 10.0,
+    mutation_rate: float = 0.05,
+    keep_populations: bool = False,
+    rng: int | np.random.Generator | None = None,
+) -> GeneticResult:
     """Minimise a function over a box with the paper's genetic algorithm (Eqs. 4, 5, 8-10).
 
     Selection is proportionate (`roulette`), survival elitist: of the `population_size` parents and as many
@@ -106,6 +112,14 @@ def minimize_genetic(
     ------
     ValueError
         If an argument is unusable, or the objective does not return n finite values.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab.calibration import minimize_genetic
+    >>> found = minimize_genetic(lambda x: np.sum((x - 1) ** 2, axis=1), [(-5, 5), (-5, 5)], rng=0)
+    >>> found.x.round(1).tolist(), found.fun < 1e-3
+    ([1.0, 1.0], True)
     """
     options = {name: value for name, value in locals().items() if name in _OPTIONS}
     return repeat_genetic(lambda population: np.asarray(objective(population[0]))[None], bounds, [rng], **options)[0]
@@ -114,7 +128,12 @@ def minimize_genetic(
 _OPTIONS = tuple(set(minimize_genetic.__kwdefaults__) - {"rng"})
 
 
-def repeat_genetic(objective, bounds, rngs, **options):
+def repeat_genetic(
+    objective: Callable[[NDArray[np.float64]], ArrayLike],
+    bounds: ArrayLike,
+    rngs: Sequence[int | np.random.Generator | None],
+    **options: Any,
+) -> list[GeneticResult]:
     """`minimize_genetic` for many runs side by side, which takes a fraction of the time of one after the other.
 
     Parameters

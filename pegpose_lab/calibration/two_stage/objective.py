@@ -1,16 +1,32 @@
 """What stage 2 minimises: the mean distance (Eq. 7), with kappa1 by Eq. 6."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...camera import distort_radius, max_undistorted_radius
 from ...checks import as_choice, as_matched_points
 from ..result import MINIMUM_POINTS
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
 PENALTY = 1e6
 """Objective, px, of a chromosome for which a point lies behind the camera or has no image."""
 
 
-def kappa1_per_point(focal_length, t_z, c1, c2, c3, c4):
+def kappa1_per_point(
+    focal_length: float | NDArray[np.float64],
+    t_z: float | NDArray[np.float64],
+    c1: NDArray[np.float64],
+    c2: NDArray[np.float64],
+    c3: NDArray[np.float64],
+    c4: NDArray[np.float64],
+) -> NDArray[np.float64]:
     r"""Eq. 6 as printed: the kappa1, mm^-2, that makes each point's y equation exact.
 
     .. math:: \kappa_1 = \frac{c_3 f}{c_1 (c_2 + T_z)} - \frac{c_4}{c_1}
@@ -25,7 +41,14 @@ def kappa1_per_point(focal_length, t_z, c1, c2, c3, c4):
     return np.where(on_axis, 0.0, c3 * focal_length / (safe * (c2 + t_z)) - c4 / safe)
 
 
-def kappa1_shared(focal_length, t_z, c1, c2, c3, c4):
+def kappa1_shared(
+    focal_length: float | NDArray[np.float64],
+    t_z: float | NDArray[np.float64],
+    c1: NDArray[np.float64],
+    c2: NDArray[np.float64],
+    c3: NDArray[np.float64],
+    c4: NDArray[np.float64],
+) -> NDArray[np.float64]:
     r"""One kappa1, mm^-2, for all points: least squares of Eq. 6's y equation; arguments as `kappa1_per_point`.
 
     .. math:: \kappa_1 = \frac{\sum c_1 \, (c_3 f / (c_2 + T_z) - c_4)}{\sum c_1^2}
@@ -56,6 +79,18 @@ class TwoStageObjective:
     ----------
     c1, c2, c3, c4 : (n,) ndarray
         The constants of Eq. 6.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_tsai
+    >>> from pegpose_lab.calibration import TwoStageObjective
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> linear = calibrate_tsai(board, image, sensor)
+    >>> TwoStageObjective(board, image, linear)([[8.0, 500.0], [8.4, 500.0]]).round(1).tolist()
+    [0.0, 2.3]
     """
 
     def __init__(self, object_points, image_points, linear, *, kappa1="shared"):
@@ -73,7 +108,7 @@ class TwoStageObjective:
         self.lateral = np.hypot(self.x_c, self.c3)
 
     @classmethod
-    def stack(cls, objectives):
+    def stack(cls, objectives: Sequence[TwoStageObjective]) -> TwoStageObjective:
         """Several objectives of equally many points as one: chromosomes (r, m, 2), the r-th for the r-th of them."""
         both = object.__new__(cls)
         both.form = objectives[0].form
@@ -87,11 +122,11 @@ class TwoStageObjective:
         distances = np.sqrt(residual_x**2 + residual_y**2)
         return np.where(valid, np.minimum(distances.mean(axis=-1), PENALTY), PENALTY)
 
-    def residuals(self, chromosomes):
+    def residuals(self, chromosomes: ArrayLike) -> NDArray[np.float64]:
         """Projected minus measured, px, (m, n, 2), of chromosomes (m, 2) that see all points."""
         return np.stack(self._residuals(chromosomes)[:2], axis=-1)
 
-    def kappa1(self, chromosomes):
+    def kappa1(self, chromosomes: ArrayLike) -> NDArray[np.float64]:
         """kappa1, mm^-2, of chromosomes (m, 2): shape (m, 1) if shared, (m, n) if per point."""
         return self._kappa1(*self._in_front(chromosomes)[:2])
 

@@ -1,11 +1,26 @@
 """The operators of the genetic algorithm: first generation (Eq. 4), selection, crossover (Eq. 9), mutation (Eq. 10)."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...checks import as_choice, as_number, as_points
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
 
-def first_generation(lower, upper, size, rng, *, initial=None, form="uniform"):
+
+def first_generation(
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    size: int | tuple[int, int],
+    rng: np.random.Generator,
+    *,
+    initial: ArrayLike | None = None,
+    form: str = "uniform",
+) -> NDArray[np.float64]:
     r"""Return the first generation (size, d), or (r, size, d) of r runs if `size` is (r, size).
 
     ``"uniform"`` draws it from the box, with `initial`, if given, as its first member; ``"equal"`` is
@@ -34,7 +49,7 @@ def first_generation(lower, upper, size, rng, *, initial=None, form="uniform"):
     return population
 
 
-def roulette(values, size, rng):
+def roulette(values: ArrayLike, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
     r"""Proportionate reproduction: draw `size` indices with probability proportional to fitness.
 
     The paper does not print the fitness of an objective to be minimised.  Here it falls linearly from the
@@ -64,7 +79,9 @@ def roulette(values, size, rng):
     return np.sum(chances[..., None, :] <= draws[..., None], axis=-1)
 
 
-def blend_crossover(parents, rng, *, alpha=0.75, form="corrected"):
+def blend_crossover(
+    parents: NDArray[np.float64], rng: np.random.Generator, *, alpha: float = 0.75, form: str = "corrected"
+) -> NDArray[np.float64]:
     r"""Blend crossover (BLX-alpha), Eq. 9: one child from each chromosome and the next one in the pool.
 
     .. math::
@@ -90,6 +107,14 @@ def blend_crossover(parents, rng, *, alpha=0.75, form="corrected"):
     (..., n, d) ndarray
         Children; they may lie outside the box.
 
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab.calibration import blend_crossover
+    >>> children = blend_crossover(np.array([[0.0], [1.0]]), np.random.default_rng(0), alpha=0.5)
+    >>> children.shape, bool(np.all((children >= -0.5) & (children <= 1.5)))
+    ((2, 1), True)
+
     References
     ----------
     L. J. Eshelman and J. D. Schaffer, "Real-coded genetic algorithms and interval-schemata", Foundations of Genetic
@@ -106,7 +131,16 @@ def blend_crossover(parents, rng, *, alpha=0.75, form="corrected"):
     return low + (high - low) * rng.random(parents.shape)
 
 
-def power_mutation(population, lower, upper, rng, *, index=10.0, rate=0.05, form="corrected"):
+def power_mutation(
+    population: NDArray[np.float64],
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    rng: np.random.Generator,
+    *,
+    index: float = 10.0,
+    rate: float = 0.05,
+    form: str = "corrected",
+) -> NDArray[np.float64]:
     r"""Power mutation (Deep & Thakur 2007), Eq. 10, of each gene with probability `rate`.
 
     .. math::
@@ -136,6 +170,15 @@ def power_mutation(population, lower, upper, rng, *, index=10.0, rate=0.05, form
     -------
     (..., n, d) ndarray
         A new population.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab.calibration import power_mutation
+    >>> population = np.full((1000, 1), 0.5)
+    >>> mutated = power_mutation(population, np.zeros(1), np.ones(1), np.random.default_rng(0), rate=0.1)
+    >>> bool(np.all((mutated >= 0) & (mutated <= 1))), bool(60 < np.sum(mutated != population) < 140)
+    (True, True)
 
     References
     ----------

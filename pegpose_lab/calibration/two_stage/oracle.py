@@ -54,6 +54,17 @@ def optimum_in_box(
     ------
     ValueError, CalibrationError
         As `calibrate_genetic`.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, optimum_in_box
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard(4, 3, 60.0).object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> found = optimum_in_box(board, image, sensor)
+    >>> round(found.camera.focal_length, 2), round(found.mean_distance, 3)
+    (8.0, 0.0)
     """
     box = as_number(box, "box", 0, 1, exclusive=True)
     linear = calibrate_tsai(object_points, image_points, camera)

@@ -38,6 +38,18 @@ def solve_images(
         If the points do not lie in z = 0, or the shapes do not fit.
     CalibrationError
         If an image has no solution with the whole board before the camera.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor
+    >>> from pegpose_lab.calibration import solve_images
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> images = [sensor.camera(f).project(board, pose) for f in (8.0, 9.0)]
+    >>> focal_length, t_z, _ = solve_images(board, images, sensor)
+    >>> focal_length.round(3).tolist(), t_z.round(1).tolist()
+    ([8.0, 9.0], [500.0, 500.0])
     """
     points, image_points = as_points(object_points, 3, "object_points"), np.asarray(image_points, np.float64)
     if np.any(points[:, 2] != 0):
@@ -65,7 +77,9 @@ def _ratios(points, sensor_points):
     return (np.linalg.pinv(design / scale) @ x_d)[..., 0] / scale[:, 0]
 
 
-def solve_ratios(points, sensor_points, ratios):
+def solve_ratios(
+    points: NDArray[np.float64], sensor_points: NDArray[np.float64], ratios: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     r"""All that follows from the ratios :math:`U = (r_1, r_2, T_x, r_4, r_5) / T_y` of a plane z = 0.
 
     Parameters

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,9 @@ from .genes import BOX, _Genes
 from .genetic import repeat_genetic
 from .objective import PENALTY, TwoStageObjective
 from .tsai import solve_coplanar, solve_noncoplanar
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 SIDE_BY_SIDE = 8
 """Runs of the genetic algorithm that are evaluated together: their arrays still fit into a processor's cache."""
@@ -54,6 +57,16 @@ def calibrate_tsai(object_points: ArrayLike, image_points: ArrayLike, camera: Se
         If the input is unusable.
     CalibrationError
         If the view does not determine f, for instance a plane seen from straight ahead.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_tsai
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0).project(board, pose)
+    >>> round(calibrate_tsai(board, image, sensor).camera.focal_length, 3)
+    8.0
 
     References
     ----------
@@ -117,6 +130,17 @@ def calibrate_genetic(
     ------
     ValueError, CalibrationError
         As `calibrate_tsai`; `CalibrationError` also if nothing in the box sees all points.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_genetic
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> found = calibrate_genetic(board, image, sensor, rng=0)
+    >>> round(found.camera.focal_length, 1), found.mean_distance < 0.01
+    (8.0, True)
     """
     return repeat_calibration(
         object_points, [image_points], camera, [rng], box=box, kappa1=kappa1, genes=genes, **options
@@ -156,6 +180,18 @@ def repeat_calibration(
     ------
     ValueError, CalibrationError
         As `calibrate_genetic`, if one run does; `ValueError` also if there are not as many images as runs.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor
+    >>> from pegpose_lab.calibration import repeat_calibration
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> runs = repeat_calibration(board, image, sensor, [0, 1], generations=60)
+    >>> [round(run.camera.focal_length, 1) for run in runs]
+    [8.0, 8.0]
     """
     box = as_number(box, "box", 0, 1, exclusive=True)
     shared = np.ndim(image_points) == 2
@@ -214,8 +250,26 @@ class _Start:
         return replace(found, flags=flags, history=history, populations=populations)
 
 
-def calibration_at(linear, chromosome, kappa1, residuals=None):
-    """Return stage 1 with another (f, T_z), mm, and kappa1, mm^-2: without flags, and with the residuals that are given."""
+def calibration_at(
+    linear: Calibration,
+    chromosome: Sequence[float] | NDArray[np.float64],
+    kappa1: float,
+    residuals: NDArray[np.float64] | None = None,
+) -> Calibration:
+    """Return stage 1 with another (f, T_z), mm, and kappa1, mm^-2: without flags, and with the residuals that are given.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_tsai
+    >>> from pegpose_lab.calibration import calibration_at
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> linear = calibrate_tsai(board, sensor.camera(8.0).project(board, pose), sensor)
+    >>> found = calibration_at(linear, (8.1, 505.0), 0.001)
+    >>> found.camera.focal_length, found.camera.kappa1, found.n_parameters
+    (8.1, 0.001, 8)
+    """
     stage_1 = linear.cam_from_object[0]
     camera = replace(linear.camera, focal_length=chromosome[0], kappa1=kappa1)
     pose = RigidTransform.from_components([*stage_1.translation[:2], chromosome[1]], stage_1.rotation)

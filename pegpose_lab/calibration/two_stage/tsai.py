@@ -15,7 +15,10 @@ Source: R. Y. Tsai, IEEE J. Robotics and Automation 3(4), 323-344, 1987 (the pap
 stable T_y^2, the sign conventions and the guards are stated with the functions.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -23,6 +26,9 @@ from scipy.spatial.transform import Rotation
 from ...checks import CalibrationError, Flag, as_matched_points, undetermined_if_singular
 from ..planes import FLAT, is_planar, plane_frame, relief
 from .estimate import _column_norms, _design, _estimate, _propagate, _solve_ratios, _squared_sine
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 SMALLEST_SPREAD = 1e-6
 """Points lie on a line (in a plane) if they leave it by less than this fraction of their extent."""
@@ -81,7 +87,7 @@ class TsaiSolution:
 
 
 @undetermined_if_singular()
-def solve_coplanar(object_points, sensor_points):
+def solve_coplanar(object_points: ArrayLike, sensor_points: ArrayLike) -> TsaiSolution:
     r"""Tsai's method for points of one plane, anywhere in the object's frame.
 
     The five ratios :math:`U = (r_1, r_2, T_x, r_4, r_5) / T_y` solve
@@ -146,7 +152,7 @@ def _relief_in_image(points, solution):
 
 
 @undetermined_if_singular()
-def solve_noncoplanar(object_points, sensor_points):
+def solve_noncoplanar(object_points: ArrayLike, sensor_points: ArrayLike) -> TsaiSolution:
     r"""Tsai's method for points that are not a plane; it also gives the horizontal scale s_x.
 
     The seven ratios :math:`U = (s_x r_1, s_x r_2, s_x r_3, s_x T_x, r_4, r_5, r_6) / T_y` solve the radial
@@ -252,7 +258,7 @@ def _judge(focal_length, sigma, tilt):
     return ()
 
 
-def judge_interval(value, half, words, refusal):
+def judge_interval(value: float, half: float, words: str, refusal: str) -> tuple[str, bool]:
     """Judge the interval value +- half of f.
 
     Returns

@@ -5,6 +5,8 @@ of which one text prints a decimal point or an exponent are therefore compared a
 have to be equal like all other text.  The notebooks' tests (`testing`) and ``reproduce`` (`running`) both ask here.
 """
 
+from __future__ import annotations
+
 import re
 from decimal import Decimal
 from pathlib import Path
@@ -22,7 +24,7 @@ _NUMBER = re.compile(r"(?<![\w.])[-+\u2212]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\d
 _SPACES = re.compile(r"[ \t]+")
 
 
-def texts_agree(stored, fresh):
+def texts_agree(stored: str, fresh: str) -> bool:
     """Return whether two texts say the same.
 
     Parameters
@@ -66,7 +68,7 @@ def _numbers_agree(stored, fresh):
     return abs(pair[0] - pair[1]) <= unit
 
 
-def files_agree(stored, fresh):
+def files_agree(stored: Path, fresh: Path) -> bool:
     """Return whether two files of results say the same.
 
     Parameters

@@ -6,16 +6,24 @@ without what belongs to one session (`running.clean_before_save`).  A notebook t
 Like ``__main__.py`` this file has to run on a bare Python: it imports the standard library only.
 """
 
+from __future__ import annotations
+
 import fnmatch
 import os
 import shutil
 import subprocess
 import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
 
 from ...files import results_folder
 from ..environment import CHECKOUT
 
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
+
+Named = TypeVar("Named", str, Path)
 SETTINGS = Path(__file__).with_name("lab_settings")
 """JupyterLab's settings where a user has none of their own: no autosave, no pop-up that asks for news."""
 
@@ -23,7 +31,7 @@ SCRATCH = ("notebooks", "scratch")
 WRITTEN = ("figures", "data/results")  # what notebooks write, below the folder that PEGPOSE_OUTPUT names
 
 
-def scratch_folder(checkout=CHECKOUT):
+def scratch_folder(checkout: Path = CHECKOUT) -> Path:
     """Return a folder for what notebooks write, with fresh copies of the known results and no figures.
 
     It is ``notebooks/scratch``, which git ignores and which stays until the next start; a folder of the system
@@ -39,7 +47,7 @@ def scratch_folder(checkout=CHECKOUT):
     return folder
 
 
-def fill(folder, known_results, known="*"):
+def fill(folder: Path, known_results: Path | None, known: str = "*") -> None:
     """Make the two folders below `folder` anew, with copies of the known results, if any, whose names match a pattern.
 
     Anew: what an older version of the notebooks wrote would be read as theirs.
@@ -51,7 +59,7 @@ def fill(folder, known_results, known="*"):
         shutil.copyfile(path, results_folder(folder) / path.name)
 
 
-def jupyterlab_arguments(options, checkout=CHECKOUT):
+def jupyterlab_arguments(options: argparse.Namespace, checkout: Path = CHECKOUT) -> list[str]:
     """The command line of JupyterLab, from the options of ``lab``; what stands after ``--`` comes last and wins."""
     arguments = [
         f"--ServerApp.root_dir={checkout}",
@@ -65,13 +73,13 @@ def jupyterlab_arguments(options, checkout=CHECKOUT):
     return arguments + options.extra
 
 
-def root_refused(options):
+def root_refused(options: argparse.Namespace) -> bool:
     """Return whether JupyterLab would refuse to start, because root runs it and does not say that this is meant."""
     is_root = getattr(os, "geteuid", lambda: 1)() == 0
     return is_root and not options.allow_root and "--allow-root" not in options.extra
 
 
-def restore(patterns, checkout=CHECKOUT):
+def restore(patterns: Sequence[str], checkout: Path = CHECKOUT) -> list[str]:
     """Set notebooks back to git's last commit; return the names of those that had been changed.
 
     Parameters
@@ -96,7 +104,7 @@ def restore(patterns, checkout=CHECKOUT):
     return changed
 
 
-def choose(notebooks, pattern):
+def choose(notebooks: Sequence[Named], pattern: str) -> list[Named]:
     """The paths of notebooks whose names begin with a pattern; SystemExit, naming them all, if there is none."""
     found = [path for path in notebooks if fnmatch.fnmatch(Path(path).stem, Path(pattern).stem + "*")]
     if not found:

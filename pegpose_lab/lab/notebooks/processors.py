@@ -6,6 +6,8 @@ in another order.  All three can be told to do as on another machine; so can the
 machines, and tells what ``reproduce`` would rewrite there.
 """
 
+from __future__ import annotations
+
 import os
 import subprocess
 import sys
@@ -13,10 +15,14 @@ import tempfile
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...files import results_folder
 from .. import environment
 from . import running
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 OTHER = "Nehalem"
 """The machine for a quick look: 2008's vector units in all three libraries, unlike any that is in use now."""
@@ -52,12 +58,12 @@ class Outcome:
     seconds: float
 
     @property
-    def passed(self):
+    def passed(self) -> bool:
         """Whether anything ran, and nothing failed or would be rewritten."""
         return bool(self.failed) and not any(self.failed.values()) and not self.changed
 
 
-def emulated_machines():
+def emulated_machines() -> list[Machine]:
     """Return the machines that can be emulated on this one, as a list of `Machine`."""
     numpy_off = {"NPY_DISABLE_CPU_FEATURES": " ".join(_numpy_features())}
     opencv_off = {"OPENCV_CPU_DISABLE": ",".join(_opencv_features()), "OPENCV_IPP": "disabled"}
@@ -71,7 +77,7 @@ def emulated_machines():
     ]
 
 
-def other_pythons(versions=("3.11", "3.12", "3.13")):
+def other_pythons(versions: Sequence[str] = ("3.11", "3.12", "3.13")) -> list[Machine]:
     """Return a `Machine` for each other version of Python that is found; its environment is made if need be."""
     own = f"{sys.version_info[0]}.{sys.version_info[1]}"
     found = {version: environment.python_of_version(version) for version in versions if version != own}
@@ -100,7 +106,7 @@ def _has_avx512():
     return __cpu_features__.get("AVX512_SKX", False) or __cpu_features__.get("X86_V4", False)
 
 
-def run_on(machine, checkout, pytest_arguments):
+def run_on(machine: Machine, checkout: Path, pytest_arguments: Sequence[str]) -> Outcome:
     """Run the notebooks and the tests of digits on a machine; return the `Outcome`.
 
     Parameters
@@ -142,7 +148,7 @@ def _failures(report):
     return failed
 
 
-def table(outcomes):
+def table(outcomes: Sequence[Outcome]) -> str:
     """Return the outcomes as text: a row a machine, a column a notebook."""
     columns = sorted({name for outcome in outcomes for name in outcome.failed})
     head = ["machine", *(name[:2] if name[0].isdigit() else name for name in columns), "rewritten", "processor s"]

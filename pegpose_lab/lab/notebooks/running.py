@@ -7,6 +7,8 @@ step, so that nothing half-written is ever seen there.  A file that says the sam
 (`agreement.files_agree`) is not moved: on another processor last digits differ, and nothing else.
 """
 
+from __future__ import annotations
+
 import asyncio
 import os
 import re
@@ -18,6 +20,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack, contextmanager, suppress
 from copy import deepcopy
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import nbformat
 from ipykernel.kernelspec import RESOURCES, get_kernel_dict
@@ -31,6 +34,10 @@ from ...files import replacing
 from .agreement import files_agree
 from .exploring import WRITTEN, fill
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from typing import Any
+
 WORKERS = 2
 READS = {"07": "06"}  # numbers of notebooks that read the results of another, and of that
 
@@ -41,7 +48,15 @@ class NotebookError(RuntimeError):
     """A notebook did not run to its end; the message names it and shows the failing cell."""
 
 
-def reproduce(notebooks, output, *, known_results=None, known="*", cell_timeout=600, update=False):
+def reproduce(
+    notebooks: Sequence[Path],
+    output: Path,
+    *,
+    known_results: Path | None = None,
+    known: str = "*",
+    cell_timeout: float = 600,
+    update: bool = False,
+) -> None:
     """Run notebooks and move the figures and results that are new below `output`.
 
     Parameters
@@ -75,14 +90,14 @@ def reproduce(notebooks, output, *, known_results=None, known="*", cell_timeout=
 
 
 @contextmanager
-def scratch_output(known_results=None, known="*"):
+def scratch_output(known_results: Path | None = None, known: str = "*") -> Iterator[Path]:
     """A temporary folder to be named by ``PEGPOSE_OUTPUT``, holding copies of known results of that pattern."""
     with tempfile.TemporaryDirectory(prefix="pegpose_", ignore_cleanup_errors=True) as folder:
         fill(Path(folder), known_results, known)
         yield Path(folder)
 
 
-def output_variables(folder):
+def output_variables(folder: Path) -> dict[str, str]:
     """The variables by which notebooks write into a folder, and are free of the settings of a user's IPython."""
     return {"PEGPOSE_OUTPUT": str(folder), "IPYTHONDIR": str(folder / "ipython")}
 
@@ -189,7 +204,7 @@ class _Crew:
 # --- results ------------------------------------------------------------------------------------
 
 
-def changed_files(scratch, output):
+def changed_files(scratch: Path, output: Path) -> list[Path]:
     """Return the results and figures below `scratch` that say something else than those below `output`.
 
     Returns
@@ -217,7 +232,7 @@ def _publish(scratch, output, *, all_files=False):
             shutil.copyfile(scratch / name, part)
 
 
-def to_text(notebook):
+def to_text(notebook: nbformat.NotebookNode) -> str:
     """A notebook's file, without what differs from run to run or machine to machine.
 
     Taken away are time stamps, versions and the models of widgets; a widget is stored as its text.
@@ -240,7 +255,7 @@ def _drop_widgets(notebook):
         output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
 
 
-def clean_before_save(model, path, **_):
+def clean_before_save(model: dict[str, Any], path: str, **_: Any) -> None:
     """A ``pre_save_hook`` of Jupyter's contents manager: the project's notebooks are stored as `to_text` has them.
 
     Notebooks of anybody else keep their own kernel and metadata, and lose only the models of widgets.

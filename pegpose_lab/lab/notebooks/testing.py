@@ -4,6 +4,8 @@ pyproject.toml loads it (``-p pegpose_lab.lab.notebooks.testing``), so that plai
 command ``test``.  Nothing else of nbval changes: every output has to be there, in its order, of its kind.
 """
 
+from __future__ import annotations
+
 import pytest
 
 from .agreement import texts_agree
@@ -22,13 +24,13 @@ class PrintedText(str):
         return not self == other
 
 
-def pytest_configure(config):
+def pytest_configure(config: pytest.Config) -> None:
     """Make the mark known that `processors` asks for."""
     config.addinivalue_line("markers", "digits: compares computed digits with stored ones; run on emulated processors")
 
 
 @pytest.hookimpl(tryfirst=True)  # before -m chooses by the marks
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let nbval read the outputs of every notebook cell as `PrintedText`; all cells are tests of digits."""
     for item in items:
         if hasattr(item, "sanitize") and hasattr(item, "compare_outputs"):

@@ -1,5 +1,9 @@
 """The explorer of the Hough transforms."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import ipywidgets
 import numpy as np
 
@@ -10,8 +14,13 @@ from ..plotting import COLORS
 from .drawing import _canvas, _circle, _resized
 from .explorer import Explorer, _look, _slider
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
-def circle_explorer(image, *, radius_range=(20, 60), polarity="bright"):
+
+def circle_explorer(
+    image: ArrayLike, *, radius_range: tuple[int, int] = (20, 60), polarity: str = "bright"
+) -> Explorer:
     """Controls for `find_circles` (Sect. 3.1): radius range, sensitivity, method; the circles over the picture.
 
     The picture is searched as it is shown, `SHOWN_WIDTH` px wide, and for bright discs only round the parts

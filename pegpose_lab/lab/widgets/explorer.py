@@ -1,12 +1,18 @@
 """Controls over a picture that follows them."""
 
+from __future__ import annotations
+
 import html
+from typing import TYPE_CHECKING
 
 import cv2
 import ipywidgets
 from IPython.display import Image, display
 
 from ...checks import CalibrationError, DetectionError
+
+if TYPE_CHECKING:
+    from typing import Any
 
 SHOWN_WIDTH = 800  # px, of every picture
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -47,7 +53,7 @@ class Explorer(ipywidgets.VBox):
             control.observe(self.refresh, names="value")
         super().__init__([*controls.values(), self.picture, self.caption])
 
-    def refresh(self, _change=None):
+    def refresh(self, _change: Any = None) -> None:
         """Compute the picture from the controls' present values."""
         values = {name: control.value for name, control in self.controls.items()}
         picture = self._backdrop(**values).copy()
@@ -65,7 +71,7 @@ class Explorer(ipywidgets.VBox):
         return f"{self.name}: {settings}"
 
 
-def show(explorer):
+def show(explorer: Explorer) -> None:
     """Display an explorer, then its present picture as a PNG, and print its text.
 
     The picture and the text are stored in the notebook, so that they can be read without a kernel.

@@ -1,6 +1,9 @@
 """The explorer of the genetic algorithm: its population on the valley of its objective."""
 
+from __future__ import annotations
+
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import cv2
 import ipywidgets
@@ -13,11 +16,22 @@ from ..plotting import COLORS
 from .drawing import _bgr
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
 HEIGHT = 480  # px, of the picture
 DPI = plotting.STYLE["figure.dpi"]
 
 
-def genetic_explorer(objective, bounds, *, search=None, generations=100):
+def genetic_explorer(
+    objective: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    bounds: ArrayLike,
+    *,
+    search: Callable[..., NDArray[np.float64]] | None = None,
+    generations: int = 100,
+) -> Explorer:
     """Sliders for the genetic algorithm (Eqs. 4-10): its population on the valley of the objective in (f, T_z).
 
     Parameters

@@ -1,6 +1,9 @@
 """The explorer of the hub's pose."""
 
+from __future__ import annotations
+
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import cv2
 import ipywidgets
@@ -14,10 +17,23 @@ from ..plotting import COLORS
 from .drawing import _bgr, _canvas, _circle, _place
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
+if TYPE_CHECKING:
+    from ...camera import OpenCVCamera, TsaiCamera
+    from ...targets import Hub
+
 RENDERED_WIDTH = 400  # px, of the hub's picture before it is enlarged
 
 
-def hub_explorer(camera, hub, cam_from_plane, *, angle=-140.0, shift=0.0, blur=0.9, noise=2.0):
+def hub_explorer(
+    camera: TsaiCamera | OpenCVCamera,
+    hub: Hub,
+    cam_from_plane: RigidTransform,
+    *,
+    angle: float = -140.0,
+    shift: float = 0.0,
+    blur: float = 0.9,
+    noise: float = 2.0,
+) -> Explorer:
     """Sliders for the hub's angle and shift (Sect. 3.2): renders it, locates the pegs and estimates the pose.
 
     The picture is rendered `RENDERED_WIDTH` px wide, for speed.  Labels are carried over from the picture before,

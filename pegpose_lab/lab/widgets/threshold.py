@@ -1,5 +1,9 @@
 """The explorer of the segmentation."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import cv2
 import ipywidgets
 import numpy as np
@@ -10,8 +14,11 @@ from ..plotting import COLORS
 from .drawing import _bgr, _canvas, _place
 from .explorer import FONT, Explorer, _look, _slider
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
-def threshold_explorer(image):
+
+def threshold_explorer(image: ArrayLike) -> Explorer:
     """Sliders for `segment` (Sect. 3.1): threshold and minimum area; the parts in colour over the picture.
 
     Parameters

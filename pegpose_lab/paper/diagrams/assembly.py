@@ -1,11 +1,19 @@
 """Fig. 1: camera, robot, hub and wheel, with Eqs. 1 and 2 as arrows."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from ...lab.plotting import COLORS
 from ...targets import Hub
 from .space import BODY, EDGE, INK, MARKED, SHADE, SMALL, _arrow, _ring, _View, look_at
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
 # What the diagrams name: Eqs. 1 and 2 as {(frame a, frame b): project's name of a_from_b}.
 TRANSFORMS = {
@@ -17,7 +25,7 @@ TRANSFORMS = {
 }
 
 
-def draw_assembly(ax):
+def draw_assembly(ax: Axes) -> dict[str, NDArray[np.float64]]:
     """Fig. 1: a fixed camera sees the hub on its shaft, a robot brings the wheel; frames and Eqs. 1 and 2.
 
     An arrow from frame a to frame b is the pose of b in a, written as in the paper and as the project

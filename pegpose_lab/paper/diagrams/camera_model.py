@@ -1,5 +1,9 @@
 """Fig. 4: the camera model with radial distortion."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -7,8 +11,13 @@ from ...camera import TsaiCamera
 from ...lab.plotting import COLORS, SERIES
 from .space import AXIS_COLORS, EDGE, INK, MARKED, SMALL, _View
 
+if TYPE_CHECKING:
+    from typing import Any
 
-def draw_camera_model(ax):
+    from matplotlib.axes import Axes
+
+
+def draw_camera_model(ax: Axes) -> dict[str, Any]:
     r"""Fig. 4: camera model with radial distortion, Eq. 3: :math:`x_u = x_d (1 + k_1 r^2)`, in perspective.
 
     A point P goes along a straight ray to (x_u, y_u) in the image plane; the lens moves it to

@@ -1,5 +1,9 @@
 """Fig. 5: the hub's angle theta."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.patches import Circle
 from scipy.spatial.transform import Rotation
@@ -8,8 +12,14 @@ from ...checks import as_number
 from ...lab.plotting import SERIES
 from .space import _CENTERED, BODY, EDGE, INK, MARKED, SHADE, SMALL, _arrow, _bare
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
 
-def draw_orientation(ax, hub, theta):
+    from ...targets import Hub
+
+
+def draw_orientation(ax: Axes, hub: Hub, theta: float) -> tuple[Line2D, Line2D]:
     r"""Fig. 5: theta, the angle from the horizontal (line 2) to the line from the hub's centre to peg 1 (line 1).
 
     Drawn as the screen shows it, y down, so that theta counts positive clockwise, from x towards y, and the

@@ -1,10 +1,17 @@
 """Fig. 2: the steps of the method."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.patches import FancyBboxPatch
 
 from ...lab.plotting import SERIES
 from .space import MARKED, SMALL, _arrow, _bare
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Fig. 2 as (title, what happens, modules), from top to bottom.
 CALIBRATION_STEPS = (
@@ -23,7 +30,7 @@ FRAME_STEPS = (
 )
 
 
-def draw_overview(ax):
+def draw_overview(ax: Axes) -> None:
     """Fig. 2: the method as two columns of steps, calibration and frames, each with its module.
 
     Made for 7.0 x 4.4 inches.

@@ -1,5 +1,9 @@
 """Drawing three-dimensional scenes into flat axes: the pinhole projection and the look of all diagrams."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.patches import FancyArrowPatch, Polygon
 from scipy.spatial import ConvexHull
@@ -7,6 +11,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from ...camera import TsaiCamera
 from ...lab.plotting import COLORS, SERIES
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 AXIS_COLORS = (SERIES[1], SERIES[2], SERIES[0])  # x, y, z of every frame: red, green, blue
 MARKED = SERIES[5]  # what a drawing is about: the pose sought in Fig. 1, peg 1 in Fig. 5
@@ -16,7 +23,7 @@ SMALL = 8.0  # pt
 _CENTERED = {"ha": "center", "va": "center"}
 
 
-def look_at(eye, target, up):
+def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> RigidTransform:
     """Return cam_from_world (RigidTransform) of a camera at `eye` that looks at `target`, `up` upwards."""
     forward = np.asarray(target, float) - eye
     right = np.cross(forward, up)
