@@ -5,6 +5,7 @@ A detector to compare with is one function in `detectors` and one line in `bench
 """
 
 from .bounds import center_bound
+from .disc_constants import write_disc_constants
 from .peers import OURS, REFERENCE
 from .plan import FULL, QUICK, run
 from .report import to_text, write
@@ -22,5 +23,6 @@ __all__ = [
     "run",
     "to_text",
     "write",
+    "write_disc_constants",
     "write_peer_settings",
 ]

@@ -6,13 +6,10 @@ import numpy as np
 
 from .ellipse import _distance, _Ellipse, _inside, _limited, _movement
 from .model import QUANTISATION, _ingredients
-from .ring import _ring_pixels
+from .ring import CHUNK, _ring_pixels
 
-PART = 4  # every so-many-th pixel is enough for the first steps, if there are LEAST_PIXELS
-LEAST_PIXELS, LEAST_RING = 600, 30
-MAX_STEPS, ROUGH_STEPS = 12, 6
-STEP_TOLERANCE = 1e-3  # squared length, in sigmas, of a step that is not worth taking
-ROUGH_STEP, SMALL_STEP = 0.3, 0.05  # px, a step after which none is needed: on a part of the pixels, on all
+MAX_STEPS = 12
+SMALL_STEP = 0.05  # px, a step after which none is needed
 MAX_RINGS = 2
 
 
@@ -46,14 +43,7 @@ def _settle(image, ellipses):
     solution = _Solution(ellipse, log_s, np.zeros((n, 2)), np.zeros((n, 8, 8)), *np.zeros((4, n)))
     todo = np.flatnonzero(reasons == "")
     for _ in range(MAX_RINGS if len(todo) else 0):
-        ring = _ring_pixels(image, ellipse[todo])
-        few = ring.used.sum(axis=1) < LEAST_RING
-        if few.any():
-            reasons[todo[few]], todo = "no edge", todo[~few]
-            if len(todo) == 0:
-                return solution, reasons
-            ring = _ring_pixels(image, ellipse[todo])
-        found, singular = _least_squares(ring, ellipse[todo], log_s[todo])
+        found, singular = _least_squares(_ring_pixels(image, ellipse[todo]), ellipse[todo], log_s[todo])
         moved = _distance(ellipse[todo], found.ellipse)
         solution.update(todo, found)
         reasons[todo[singular]] = "no edge"
@@ -66,64 +56,51 @@ def _settle(image, ellipses):
 
 
 def _least_squares(pixels, ellipse, log_s):
-    """Gauss-Newton over ellipse, log s and the levels: on a part of the pixels, then on all.
-
-    Returns a `_Solution` and where the equations are singular.
-    """
-    many = pixels.used.sum(axis=1) > LEAST_PIXELS
-    if many.any():
-        part, *_ = _gauss_newton(
-            pixels.some(many, PART), ellipse[many], log_s[many], ROUGH_STEP, ROUGH_STEPS, residuals=None
-        )
-        ellipse, log_s = ellipse[np.arange(len(many))], log_s.copy()
-        ellipse[many], log_s[many] = part.ellipse, part.log_s
-    residuals = np.empty(pixels.x.shape, np.float32)
-    solution, singular = _gauss_newton(pixels, ellipse, log_s, SMALL_STEP, MAX_STEPS, residuals)
+    """Gauss-Newton over ellipse, log s and the levels.  Returns a `_Solution` and where the equations are singular."""
+    solution, residuals, singular = _gauss_newton(pixels, ellipse, log_s)
     solution.levels[:, 0] += pixels.level
     for i, m in enumerate(solution.count.astype(int)):
         solution.squares[i], solution.noise[i] = _sum_of_squares(residuals[i, :m]), _residual_noise(residuals[i, :m])
     return solution, singular
 
 
-def _gauss_newton(pixels, ellipse, log_s, small, most, residuals):
+def _gauss_newton(pixels, ellipse, log_s):
     """Gauss-Newton with halved steps, n discs at once; B and A are solved for in every step.
 
-    A disc is done when its step's squared length in its own sigmas is below STEP_TOLERANCE, when a step that
-    moves nothing by more than `small` is taken (the rest of the way is of second order: no more than that
-    squared), or when a small one fails to improve the fit.  Fills in the residuals of the pixels, unless None.
+    A disc is done when the next step moves nothing by more than SMALL_STEP: it is taken (the rest of the way is of
+    second order, no more than that squared), unless it was tried and does not improve the fit.  Returns also the
+    residuals of the pixels, and where the equations are singular.
     """
-    n, count = len(log_s), pixels.used.sum(axis=1, dtype=float)
-    best, step, fraction, gain = None, np.zeros((n, 6)), np.ones(n), np.zeros(n)
+    n, count, residuals = len(log_s), pixels.used.sum(axis=1, dtype=float), np.empty(pixels.x.shape, np.float32)
+    best, step, fraction = None, np.zeros((n, 6)), np.ones(n)
     done, singular = np.zeros((2, n), bool)
-    for _ in range(most):
-        trial = ellipse.moved(*(fraction[:, None] * step[:, :5]).T)
-        trial_s = np.clip(log_s + fraction * step[:, 5], -1.5, 2.0)
+    for _ in range(MAX_STEPS):
+        tried = fraction[:, None] * step
+        trial, trial_s = ellipse.moved(*tried[:, :5].T), np.clip(log_s + tried[:, 5], -1.5, 2.0)
         rows = _ingredients(pixels, trial, trial_s)
-        parts = rows.reshape(n, 9, -1, pixels.chunk).swapaxes(1, 2)
-        found, combination, scale, new_step, new_gain, bad = _solve_rows(parts, trial, trial_s, count)
+        parts = rows.reshape(n, 9, -1, CHUNK).swapaxes(1, 2)
+        found, combination, scale, new_step, gain, bad = _solve_rows(parts, trial, trial_s, count)
         if best is None:
             best, better = found, np.ones(n, bool)
         else:
             better = (found.squares <= best.squares) & ~done
-            done |= ~better & (gain <= 10 * STEP_TOLERANCE * np.maximum(best.squares / count, QUANTISATION))
+            done |= ~better & (_movement(tried, ellipse) < SMALL_STEP)
             best.update(better, _rows(found, better))
-        step[better], gain[better], singular[better & bad] = new_step[better, :6], new_gain[better], True
+        step[better], singular[better & bad] = new_step[better, :6], True
         fraction = np.where(better, np.minimum(1.0, 2 * fraction), 0.5 * fraction)
         ellipse, log_s = best.ellipse, best.log_s
-        decrement = gain / np.maximum(best.squares / count, QUANTISATION)
-        last = better & ((decrement <= STEP_TOLERANCE) | (_movement(step, ellipse) < small))
+        last = better & (_movement(step, ellipse) < SMALL_STEP)
         if last.any():
             best.update(last, _after_last_step(_rows(best, last), new_step[last], gain[last]))
         combination[last, :8] -= new_step[last] * scale[last]
-        if residuals is not None:
-            rest = combination[better, None, None] @ (parts if better.all() else parts[better])
-            residuals[better] = rest.reshape(-1, residuals.shape[1])
+        rest = combination[better, None, None] @ (parts if better.all() else parts[better])
+        residuals[better] = rest.reshape(-1, residuals.shape[1])
         done |= last | singular
         if done.all():
             break
         step = _limited(step, ellipse)
     best.converged[:] = done
-    return best, singular
+    return best, residuals, singular
 
 
 def _rows(solution, rows):

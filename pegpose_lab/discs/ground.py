@@ -3,11 +3,12 @@
 import cv2
 import numpy as np
 
-from .fit import LEAST_RING, _after_last_step, _rows
+from .fit import _after_last_step, _rows
 from .ring import RING
 
 GROUND = 24.0  # px on either side of the edge up to which even ground helps to know the levels
 GROUND_WIDTHS = 4.0  # edge widths s from the edge to where the ground begins: RING is at least that far
+LEAST_GROUND = 30  # pixels of a side
 GROUND_SIGMAS = 3.0  # departure from the ring's levels or noise, in standard deviations, that bars ground
 
 
@@ -26,7 +27,7 @@ def _use_ground(image, solution, rows):
     n, mean, variance, slopes = sides[..., 0], sides[..., 1], sides[..., 2], sides[..., 3:]
     known = np.linalg.inv(solution.normal[rows])[:, 6:, 6:]
     excess = mean - (solution.levels[rows, None] @ _BY_LEVELS)[:, 0]
-    there = n >= LEAST_RING
+    there = n >= LEAST_GROUND
     n = np.where(there, n, 1)
     bound = noise * np.sqrt(1 / n + np.diagonal(_BY_LEVELS.T @ known @ _BY_LEVELS, axis1=1, axis2=2))
     even = (np.abs(excess) <= GROUND_SIGMAS * bound) & (np.abs(slopes) <= GROUND_SIGMAS * noise[..., None]).all(axis=2)

@@ -101,8 +101,7 @@ def fit_discs(
     -------
     Discs
         A row for each circle.  Rows that are not accepted have a reason: "leaves the image",
-        "radius too small", "no edge", "does not converge", "edge hidden" (less than 40 % of it fits;
-        parts that need grey levels of their own count less),
+        "radius too small", "no edge", "does not converge", "edge hidden" (less than 40 % of it fits),
         "contrast below noise", "other polarity", "chi2", "same disc" (as an earlier row's).  All values
         are finite, except for sigmas, covariance and chi2 (infinite) where there is no fit at all; centre
         and radius are then the circle's own.

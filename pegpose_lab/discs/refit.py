@@ -20,7 +20,6 @@ from .sectors import (
 NEAR, NEAR_CHI2 = 0.7, 5.0  # a refit starts from the simple fit if that is so near (px) and so good
 SECTOR_SIGMAS, OWN_EXCESS = 4.0, 14.0  # when a sector gets levels of its own, see `_refit`
 OWN_WEIGHT = 0.3  # of such a sector
-OWN_VISIBLE = 0.6  # what it counts as visible edge
 ALONE, FREEZE = 2, 8  # steps in which all sectors have levels of their own; after which none changes sides
 LAST_STEP = 0.1  # squared length, in sigmas, of a refit's step after which none is needed
 UNEVEN = 0.1  # part of the contrast by which the common levels are expected to vary around the disc
@@ -77,7 +76,7 @@ def _refit(shape, sectors, contrast, noise):
         if ALONE <= number < FREEZE:
             own = (shared * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared > limit)
         fits = _share_that_fits(free, limit, contrast)
-        visible = np.where(own, fits * (OWN_VISIBLE if number > ALONE else 1), 1).mean(axis=1)
+        visible = np.where(own, fits, 1).mean(axis=1)
         hidden = active & (visible < MIN_VISIBLE)
         weights = np.where(hidden[:, None] | ~own, 1, OWN_WEIGHT * fits)
         normal, gradient, scores = _sector_equations(moments, levels, around, held, free, own, weights)

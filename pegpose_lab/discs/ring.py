@@ -10,7 +10,7 @@ CHUNK = 256  # pixels that are summed in float32: no sum depends on how far a di
 
 @dataclass
 class _Pixels:
-    """The pixels of n rings in rows, filled up to a multiple of `chunk` where `used` is 0, float32.
+    """The pixels of n rings in rows, filled up to a multiple of CHUNK where `used` is 0, float32.
 
     Places x, y are told from `origin` (n, 2), grey values from `level` (n,), both whole numbers.
     """
@@ -21,12 +21,10 @@ class _Pixels:
     values: np.ndarray
     used: np.ndarray
     level: np.ndarray
-    chunk: int = CHUNK
 
-    def some(self, rows, step=1):
-        """The pixels, or a part of them, of some rows."""
-        parts = (a[rows, ::step] for a in (self.x, self.y, self.values, self.used))
-        return _Pixels(self.origin[rows], *parts, self.level[rows], self.chunk // step)
+    def some(self, rows):
+        """The pixels of some rows."""
+        return _Pixels(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
 def _ring_pixels(image, ellipses):

@@ -39,6 +39,7 @@ MEASUREMENTS = {
     ),
     "sector_corners": Measurement("study.write_sector_corners", ("sector_corners",), "15 s"),
     "ga_success": Measurement("study.write_success", ("ga_success",), "3 min"),
+    "disc_constants": Measurement("bench.write_disc_constants", ("disc_constants",), "4 min"),
     "rendered_trials": Measurement("study.write_rendered_trials", ("rendered_trials",), "10 min"),
     "peer_settings": Measurement("bench.write_peer_settings", ("peer_settings",), "10 min"),
     "two_stage_counts": Measurement("study.write_two_stage_counts", ("two_stage_counts",), "10 min"),

@@ -7,20 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pegpose_lab.discs import fit_discs, measure
+from pegpose_lab.discs.reasons import REASONS
 from pegpose_lab.tests.discs.stacks import _circles
 from pegpose_lab.tests.pictures import SEEDS, scenes
 
-REASONS = {
-    "leaves the image",
-    "radius too small",
-    "no edge",
-    "does not converge",
-    "edge hidden",
-    "contrast below noise",
-    "chi2",
-    "same disc",
-    "other polarity",
-}
 NAMES = tuple(measure.Discs.__dataclass_fields__)
 
 
@@ -42,7 +32,7 @@ def _assert_discs(discs, shape, circles):
     for name in NAMES:
         assert getattr(discs, name).shape == shapes.get(name, (n,))
         assert getattr(discs, name).dtype.kind == {"accepted": "b", "reasons": "U"}.get(name, "f")
-    assert len(discs) == n and set(discs.reasons) <= REASONS | {""}
+    assert len(discs) == n and set(discs.reasons) <= {*REASONS, ""}
     np.testing.assert_array_equal(discs.accepted, discs.reasons == "")
     for name in ("centers", "semi_axes", "angles", "contrasts", "blurs", "noises", "radii"):
         assert np.isfinite(getattr(discs, name)).all()
@@ -126,4 +116,4 @@ def test_promises_hold_for_any_picture_and_a_fifth_of_the_fits_is_accepted():
 
     check()
     assert seen["pictures"] == 2000 and seen["accepted"] >= 0.2 * seen["fits"], seen
-    assert seen["right"] >= 0.15 * seen["near"] and len(REASONS & set(seen)) >= 6, seen
+    assert seen["right"] >= 0.15 * seen["near"] and len(set(REASONS) & set(seen)) >= 6, seen
