@@ -14,6 +14,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,7 @@ from ..files import MEASURED_FOLDER
 from ..render import expose
 from .scenes import SCENES, SEED, TARGET_NOISE, draw_frame
 from .score import WORKERS, one_thread
+from .statistics import _rms
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,7 +54,8 @@ def constants() -> dict[str, float]:
     for module in _modules():
         values = vars(module).items()
         found |= {name: value for name, value in values if name.isupper() and not name.startswith(("_", "TYPE_"))}
-    return {name: found[name] for name in sorted(found) if np.ndim(found[name]) == 0 or name in LAYOUT}
+    del found["REASONS"]  # words, not numbers
+    return dict(sorted(found.items()))
 
 
 def _modules():
@@ -104,13 +107,12 @@ def measure_constants(frames: int = FRAMES, *, workers: int = WORKERS) -> pd.Dat
     """
     jobs = [(scene, FIRST_FRAME + k) for scene in SCENES for k in range(frames)]
     work = Parallel(n_jobs=workers, return_as="generator")(delayed(_measure_frame)(*job) for job in jobs)
-    parts = list(tqdm(work, total=len(jobs), desc="frames"))
+    parts = list(tqdm(work, total=len(jobs), unit="frame", desc="frames", disable=None))
     fits = {key: [part[key] for part in parts] for key in parts[0]}
-    base, rows = _Fits.of(fits[None], jobs), []
+    base, committed, rows = _Fits.of(fits[None], jobs), constants(), []
     for key in fits:
         name, value = key or ("none", np.nan)
-        now = _Fits.of(fits[key], jobs)
-        rows.append((name, constants().get(name, np.nan), value, *now.compared(base)))
+        rows.append((name, committed.get(name, np.nan), value, *_Fits.of(fits[key], jobs).compared(base)))
     return pd.DataFrame(rows, columns=["constant", "value", "tried", "accepted", "error", "z", "move"])
 
 
@@ -135,14 +137,19 @@ def _measure_frame(scene: Scene, number: int) -> dict[tuple[str, float] | None, 
     return fits
 
 
-class _Fits(SimpleNamespace):
+@dataclass(frozen=True, eq=False)
+class _Fits:
     """Errors and sigmas (n, 2) of all discs, and the scene (n,) of each."""
+
+    errors: np.ndarray
+    sigmas: np.ndarray
+    scenes: np.ndarray
 
     @classmethod
     def of(cls, parts, jobs):
         rows = np.concatenate(parts)
         scenes = np.repeat([scene.name for scene, _ in jobs], [len(part) for part in parts])
-        return cls(errors=rows[:, :2], sigmas=rows[:, 2:], scenes=scenes)
+        return cls(rows[:, :2], rows[:, 2:], scenes)
 
     def compared(self, base):
         """Accepted share (%), rms error over `base`'s, largest rms of error over sigma, largest move in sigmas."""
@@ -154,10 +161,6 @@ class _Fits(SimpleNamespace):
         z = max(_rms(scaled[self.scenes[both] == scene]) for scene in np.unique(self.scenes[both]))
         move = np.abs((self.errors - base.errors) / base.sigmas)[both].max()
         return 100 * np.isfinite(self.errors[:, 0]).mean(), ratio, z, move
-
-
-def _rms(values):
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def write_disc_constants(folder: Path = MEASURED_FOLDER) -> None:
