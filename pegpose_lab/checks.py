@@ -274,9 +274,7 @@ def as_views(
         for array, name in zip(pairs[-1], ("object_points", "image_points"), strict=True):
             singular = np.linalg.svd(array - array.mean(axis=0), compute_uv=False)
             if singular[1] <= 1e-6 * singular[0]:
-                raise ValueError(
-                    f"{name}[{view}] of shape {array.shape} lie on one line; expected a spread of points"
-                )
+                raise ValueError(f"{name}[{view}] of shape {array.shape} lie on one line; expected a spread of points")
     return [[np.ascontiguousarray(view) for view in views] for views in zip(*pairs, strict=True)]  # for OpenCV
 
 

@@ -180,9 +180,7 @@ def _split_white(image, mask, parts, least, step, depth=MAX_DEPTH):
     levels = []
     for window, inside, split, brighter in _bimodal_parts(image, parts, least, step) if depth > 0 else ():
         found = _components(brighter, least)
-        if len(found.areas) > 1 or (
-            len(found.areas) == 1 and _stands_out(image[window], mask[window], inside, split)
-        ):
+        if len(found.areas) > 1 or (len(found.areas) == 1 and _stands_out(image[window], mask[window], inside, split)):
             mask[window] &= ~inside
             mask[window] |= brighter
             levels += [split.threshold, *_split_white(image[window], mask[window], found, least, step, depth - 1)]

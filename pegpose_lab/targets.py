@@ -117,7 +117,9 @@ class Hub:
         angles = [as_number(angle, f"screw_angles[{k}]") for k, angle in enumerate(self.screw_angles)]
         object.__setattr__(self, "screw_angles", tuple(angles))
         if self.peg_radius >= self.pitch_circle_diameter / 2 * np.sin(np.pi / self.n_pegs):
-            raise ValueError(f"peg_radius is {self.peg_radius:g} mm; {self.n_pegs} such pegs overlap on the pitch circle")
+            raise ValueError(
+                f"peg_radius is {self.peg_radius:g} mm; {self.n_pegs} such pegs overlap on the pitch circle"
+            )
 
     @property
     def peg_angles(self) -> NDArray[np.float64]:

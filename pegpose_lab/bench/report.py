@@ -64,7 +64,9 @@ def to_markdown(report: Report) -> str:
     rows = [_shown(row) for row in report.targets[head].to_numpy()]
     met = (report.targets["met"] == "yes").sum()
     parts = [_heading(circles), _overview(circles), *_absent(report.methods)]
-    parts += _folded(f"Aims and what was measured: {met} of {len(rows)} met", [results.markdown([head, *rows], "llrrrl")])
+    parts += _folded(
+        f"Aims and what was measured: {met} of {len(rows)} met", [results.markdown([head, *rows], "llrrrl")]
+    )
     parts += _folded("Every scene in full", _scenes(circles))
     parts += _folded("Calibration: the joint one, the genetic algorithm, and its rivals", _calibration(report))
     return "\n\n".join(parts)
@@ -133,7 +135,10 @@ def _genetic_table(genetic):
     kind = genetic["view"].str.replace(r" \d+$|\d+$", "", regex=True).replace({"left": "photographs"})
     head = ["views", "ms", "differential evolution's ms", "ratio", "at the optimum, %", "differential evolution, %"]
     rows = [
-        [f"{len(part)} {name}", *_shown([*part[["ms", "de_ms", "ratio"]].median(), *part[["reached", "de_reached"]].min()])]
+        [
+            f"{len(part)} {name}",
+            *_shown([*part[["ms", "de_ms", "ratio"]].median(), *part[["reached", "de_reached"]].min()]),
+        ]
         for name, part in genetic.groupby(kind, sort=False)
     ]
     return results.markdown([head, *rows], "lrrrrr")

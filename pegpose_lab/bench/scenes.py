@@ -51,9 +51,7 @@ SCENES = {
     Scene("harder", TILTED, highlights=80.0, clutter=55): (
         "clutter, with spots of 80 grey values and 55 pieces of swarf"
     ),
-    Scene("default look", TILTED, HubLook()): (
-        "tilt, with turning marks, shading and darker side walls; nothing else"
-    ),
+    Scene("default look", TILTED, HubLook()): ("tilt, with turning marks, shading and darker side walls; nothing else"),
 }
 MAIN, OTHER = tuple(SCENES)[:4], tuple(SCENES)[4:]
 TARGET_NOISE = 5  # of the tables and the aims, grey values
@@ -100,8 +98,16 @@ def draw_frame(scene: Scene, number: int, camera: TsaiCamera | None = None) -> F
     rng = np.random.default_rng([SEED, *scene.name.encode(), number])
     pose, blur = _pose(scene, rng), rng.uniform(*BLUR)
     picture = render_hub(
-        camera, pose, HUB, look=scene.look, blur=blur, noise=None,
-        highlights=scene.highlights, clutter=scene.clutter, rays=144, rng=rng,
+        camera,
+        pose,
+        HUB,
+        look=scene.look,
+        blur=blur,
+        noise=None,
+        highlights=scene.highlights,
+        clutter=scene.clutter,
+        rays=144,
+        rng=rng,
     )
     contrast, width = scene.look.peg - scene.look.base, np.sqrt(blur**2 + 1 / 12)
     discs = []

@@ -196,14 +196,13 @@ def measure(
     done = Parallel(n_jobs=workers, return_as="generator")(delayed(measure_frame)(*task) for task in tasks)
     pairs = list(tqdm(done, total=len(tasks), unit="frame", desc="frames", disable=None))
     columns = (FRAME_COLUMNS, DISC_COLUMNS)
-    return tuple(
-        pd.DataFrame([row for pair in pairs for row in pair[part]], columns=columns[part]) for part in (0, 1)
-    )
+    return tuple(pd.DataFrame([row for pair in pairs for row in pair[part]], columns=columns[part]) for part in (0, 1))
 
 
 def _methods_for(methods, number, frames):
     """The methods that get frame `number`: slow ones get the first few only (`Method.share`), one at least."""
     return [
-        name for name in methods
+        name
+        for name in methods
         if not peers.missing(peers.COMPARED[name]) and number < max(1, round(peers.COMPARED[name].share * frames))
     ]

@@ -60,20 +60,19 @@ SHOWN = 5  # ranks on the screen
 GRIDS: dict[str, dict[str, tuple[Any, ...]]] = {
     "HoughCircles GRADIENT": {"dp": (2, 1.5, 1), "edge": (300, 200, 100), "votes": (60, 50, 40, 30)},
     "HoughCircles GRADIENT, smoothed": {
-        "smoothing": (1, 1.5), "dp": (1.5, 1), "edge": (200, 150, 100), "votes": (50, 40, 30)
+        "smoothing": (1, 1.5),
+        "dp": (1.5, 1),
+        "edge": (200, 150, 100),
+        "votes": (50, 40, 30),
     },
-    "HoughCircles GRADIENT_ALT": {
-        "smoothing": (0, 1, 1.5), "dp": (3, 2, 1.5), "edge": (600, 300), "votes": (0.9, 0.8)
-    },
+    "HoughCircles GRADIENT_ALT": {"smoothing": (0, 1, 1.5), "dp": (3, 2, 1.5), "edge": (600, 300), "votes": (0.9, 0.8)},
     "skimage hough_circle": {"sigma": (2, 3), "threshold": (0.5, 0.4, 0.3)},
     "SimpleBlobDetector": {  # the first levels lie above the bright spots on the base, the last are its own
         "smoothing": (0, 1),
         "levels": ((110, 160, 10), (90, 140, 10), (80, 150, 20), (80, 150, 10), (70, 150, 10), (50, 220, 10)),
         "circularity": (0.6, 0.4, 0.1),
     },
-    "contours + fitEllipse": {
-        "smoothing": (0, 1, 1.5), "threshold": (113, 100, "Otsu"), "ratio": (0.8, 0.9)
-    },
+    "contours + fitEllipse": {"smoothing": (0, 1, 1.5), "threshold": (113, 100, "Otsu"), "ratio": (0.8, 0.9)},
     "EdgeDrawing": {"operator": ("PREWITT", "SOBEL"), "gradient": (80, 40, 20), "sigma": (1.0, 1.5)},
 }
 
@@ -136,9 +135,7 @@ _ROW = DISC_COLUMNS[4:]  # of a disc, after the key
 
 def _summary(method, runs):
     """A row of `try_settings`."""
-    discs = pd.DataFrame(
-        [(scene, *row) for scene, _, _, rows in runs for row in rows], columns=["scene", *_ROW]
-    )
+    discs = pd.DataFrame([(scene, *row) for scene, _, _, rows in runs for row in rows], columns=["scene", *_ROW])
     parts = [part[part["found"]] for _, part in discs.groupby("scene")]
     center, radius = (_mean_error(parts, columns) for columns in (["x", "y"], ["r"]))
     return {

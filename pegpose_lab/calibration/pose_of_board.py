@@ -42,9 +42,7 @@ class BoardPose:
     rms: float
 
 
-def board_pose(
-    object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera
-) -> RigidTransform:
+def board_pose(object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera) -> RigidTransform:
     """Pose of one object through a known camera: least squares over the image points.
 
     Parameters

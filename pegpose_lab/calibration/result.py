@@ -163,9 +163,7 @@ def pose_names(count: int) -> list[str]:
     return [f"{name}_{view}" for view in range(count) for name in ("rx", "ry", "rz", "tx", "ty", "tz")]
 
 
-def judge_focal_length(
-    covariance: pd.DataFrame, name: str, value: float, unit: str, freedom: int
-) -> tuple[Flag, ...]:
+def judge_focal_length(covariance: pd.DataFrame, name: str, value: float, unit: str, freedom: int) -> tuple[Flag, ...]:
     """Flags by the 95 % interval of f, by Student's t of `freedom` degrees; CalibrationError if it reaches 0."""
     half = _half_interval(covariance, name, freedom)
     refusal = "the views do not determine f ({}); add views tilted by about 30 deg"

@@ -99,9 +99,7 @@ def calibrate_zhang(
         found.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)
     ]
-    return Calibration(
-        found, poses, residuals, flags, covariance=fit.covariance, n_parameters=len(fit.covariance)
-    )
+    return Calibration(found, poses, residuals, flags, covariance=fit.covariance, n_parameters=len(fit.covariance))
 
 
 def _as_coefficients(coefficients):

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
     from .request import _Request
 
 OCTAVE = 5.0  # px, smallest radius that is searched on a reduced image; the largest is twice that, or 2.4 times
-NOISE_FACTOR, LEAST_GRADIENT = 4.0, 16.0  # least Sobel gradient of an edge: in sigmas of noise, and at all (rounding's is 4)
+NOISE_FACTOR, LEAST_GRADIENT = (
+    4.0,
+    16.0,
+)  # least Sobel gradient of an edge: in sigmas of noise, and at all (rounding's is 4)
 
 
 # ----------------------------------------------------------------------------------------------- multiscale

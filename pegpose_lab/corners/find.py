@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
     from ..targets import Checkerboard
 
-WINDOW = 15.0  # px, largest radius of a window: a larger one has less noise, but more bias from edges that the lens bends
+WINDOW = (
+    15.0  # px, largest radius of a window: a larger one has less noise, but more bias from edges that the lens bends
+)
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
 SMALLEST_PITCH = 7.0  # px between neighbouring corners; below, a window holds too few pixels
 PASSES = 3  # of the fit; after them the place where the grid was found changes a corner by less than 1e-5 px

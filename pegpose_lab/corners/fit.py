@@ -36,7 +36,9 @@ SHARPENING = 0.9  # px, the Gaussian of the unsharp mask that stands for a camer
 SMALLEST_VARIANCE, BLEND = 0.04, 0.15  # px^2, where blur gives way to sharpening, and how softly
 LEAST_VARIANCE, LARGEST_VARIANCE = -1.5, 25.0  # px^2
 _STEPS = 60
-_GAUSS_NEWTON_STEPS = 10  # a rough fit has no others; later ones are Newton's, since Gauss-Newton is slow with large residuals
+_GAUSS_NEWTON_STEPS = (
+    10  # a rough fit has no others; later ones are Newton's, since Gauss-Newton is slow with large residuals
+)
 _TOLERANCE, _ROUGH_TOLERANCE = 3e-4, 3e-2  # of the corner's standard deviation: a step that moves nothing
 _ROUNDING = 1e-7  # px: where the residual is only rounding
 _STEP_LIMITS = np.array([1.0, 1.0, 0.2, 0.2, 0.3] + [np.inf] * 4)

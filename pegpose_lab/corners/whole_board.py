@@ -114,4 +114,4 @@ def _beyond(lines, depth):
 
 def _outward(row):
     """The point (1, 2) a square before a row's first."""
-    return (3 * row[:1] - 3 * row[1:2] + row[2:3])
+    return 3 * row[:1] - 3 * row[1:2] + row[2:3]

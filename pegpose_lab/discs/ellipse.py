@@ -37,9 +37,7 @@ class _Ellipse:
         cos, sin = np.cos(2 * self.angle), np.sin(2 * self.angle)
         split = 0.5 * (across - along)  # of the form's eigenvalues, in the old axes
         c, s = split * cos + mixed * sin, split * sin - mixed * cos
-        return _Ellipse(
-            self.x + dx, self.y + dy, self.r + dr, 0.5 * np.arcsinh(np.hypot(c, s)), 0.5 * np.arctan2(s, c)
-        )
+        return _Ellipse(self.x + dx, self.y + dy, self.r + dr, 0.5 * np.arcsinh(np.hypot(c, s)), 0.5 * np.arctan2(s, c))
 
     def __getitem__(self, i):
         return _Ellipse(self.x[i], self.y[i], self.r[i], self.m[i], self.angle[i])

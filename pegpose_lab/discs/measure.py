@@ -80,9 +80,7 @@ class Discs:
         return len(self.centers)
 
 
-def fit_discs(
-    image: ArrayLike, circles: Circles | Discs, *, max_chi2: float = 1.5, max_misfit: float = 0.05
-) -> Discs:
+def fit_discs(image: ArrayLike, circles: Circles | Discs, *, max_chi2: float = 1.5, max_misfit: float = 0.05) -> Discs:
     """Fit a blurred ellipse to the picture around each circle.
 
     Parameters
@@ -173,9 +171,7 @@ def _as_circles(circles):
     centers = as_points(circles.centers, 2, "circles.centers", 0)
     radii = as_points(np.reshape(circles.radii, (-1, 1)), 1, "circles.radii", 0)
     if len(centers) != len(radii) or (radii <= 0).any():
-        raise ValueError(
-            f"circles has {len(centers)} centers and {len(radii)} radii; expected one radius > 0 each"
-        )
+        raise ValueError(f"circles has {len(centers)} centers and {len(radii)} radii; expected one radius > 0 each")
     return np.hstack([centers, radii])
 
 

@@ -96,7 +96,9 @@ def _parser(checkout):
         epilog="Arguments after -- go to JupyterLab:  lab -- --ServerApp.password=''",
     )
     lab.add_argument("--no-browser", action="store_true", help="open no browser; the address is printed")
-    lab.add_argument("--port", type=int, metavar="N", help="the port to serve on (default: 8888, or the next that is free)")
+    lab.add_argument(
+        "--port", type=int, metavar="N", help="the port to serve on (default: 8888, or the next that is free)"
+    )
     lab.add_argument("--ip", metavar="ADDRESS", help="the address to serve on (default: localhost; 0.0.0.0 for all)")
     lab.add_argument("--allow-root", action="store_true", help="start though root runs it, as in a container")
     lab.add_argument(

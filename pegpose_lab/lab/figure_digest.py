@@ -34,8 +34,13 @@ SAMPLES = 5
 """Points that are told of each artist, from its first to its last, beside mean and standard deviation of all."""
 
 _KINDS = {
-    Text: "text", Line2D: "line", Quiver: "arrows", ContourSet: "contours", Collection: "collection",
-    AxesImage: "image", Patch: "patch",
+    Text: "text",
+    Line2D: "line",
+    Quiver: "arrows",
+    ContourSet: "contours",
+    Collection: "collection",
+    AxesImage: "image",
+    Patch: "patch",
 }
 
 
@@ -97,7 +102,9 @@ def _axis(axis):
     low, high = axis.get_view_interval()
     scale = "" if axis.get_scale() == "linear" else f" {axis.get_scale()}"
     ticks = [text.get_text() for text in axis.get_ticklabels()]
-    fixed = f" {ticks}" if isinstance(axis.get_major_formatter(), (FixedFormatter, FuncFormatter)) and any(ticks) else ""
+    fixed = (
+        f" {ticks}" if isinstance(axis.get_major_formatter(), (FixedFormatter, FuncFormatter)) and any(ticks) else ""
+    )
     return f"{axis.get_label_text()!r}{scale} {_limits(low, high, bool(scale))}{fixed}"
 
 
@@ -139,7 +146,9 @@ def _look(artist):
     if isinstance(artist, Line2D):
         parts = (to_hex(artist.get_color()), artist.get_marker(), artist.get_linestyle())
         return " ".join(str(part) for part in parts if part not in ("None", "", " ", None))
-    if isinstance(artist, (Collection, AxesImage)) and (artist.get_array() is not None or isinstance(artist, ContourSet)):
+    if isinstance(artist, (Collection, AxesImage)) and (
+        artist.get_array() is not None or isinstance(artist, ContourSet)
+    ):
         return f"{artist.get_cmap().name} {' to '.join(f'{limit:.3e}' for limit in artist.get_clim())}"
     if isinstance(artist, (Collection, Patch)):
         faces, edges = (np.reshape(color, (-1, 4)) for color in (artist.get_facecolor(), artist.get_edgecolor()))
@@ -182,8 +191,12 @@ def _parts(artist):
     else:
         low, high = artist.get_clim()
         values = np.clip((values - low) / ((high - low) or 1.0), 0, 1)
-    halves = [part for half in np.array_split(values, 2) for part in np.array_split(half, 2, axis=min(1, values.ndim - 1))]
-    return np.concatenate([np.atleast_1d(part.mean(axis=tuple(range(min(2, part.ndim))))) for part in halves if part.size])
+    halves = [
+        part for half in np.array_split(values, 2) for part in np.array_split(half, 2, axis=min(1, values.ndim - 1))
+    ]
+    return np.concatenate(
+        [np.atleast_1d(part.mean(axis=tuple(range(min(2, part.ndim))))) for part in halves if part.size]
+    )
 
 
 def _positions(ax, artist):

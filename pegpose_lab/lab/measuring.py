@@ -61,7 +61,9 @@ def listed() -> str:
         for name, line in MEASUREMENTS.items()
     ]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines = [
+        "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]
     notes = "* in third-party photographs; rendered_trials makes the trials that its file does not have"
     return "\n".join(["NAME, time on two cores, what is written into data/measured:", *lines, notes])
 

@@ -1,7 +1,7 @@
 """One style for every figure: ``plot_*(ax, ...)`` draws into given axes, `save_figure` writes the files.
 
-Each method keeps its colour everywhere (`COLORS`, the Okabe-Ito palette, which colour-blind readers can tell
-apart).  `show_figure` also stores what the figure draws, because nbval does not compare images.
+Each method keeps its colour everywhere (`COLORS` of `style`, which colour-blind readers can tell apart; notebooks find
+it and its companions here, too).  `show_figure` also stores what the figure draws, because nbval does not compare images.
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ from matplotlib.patches import Ellipse
 
 from ..files import output_folder, replacing
 from .figure_digest import figure_digest
+from .style import COLORS, DPI, STYLE
+from .style import DETECTORS as DETECTORS
+from .style import SERIES as SERIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -28,49 +31,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     Floats = NDArray[np.float64]
-COLORS = {
-    "paper": "#000000",
-    "truth": "#666666",
-    "linear": "#E69F00",
-    "genetic": "#D55E00",
-    "zhang": "#0072B2",
-    "joint": "#009E73",
-    "oracle": "#CC79A7",
-    "measured": "#56B4E9",
-}
-
-SERIES = ("#332288", "#CC6677", "#117733", "#AA9933", "#88CCEE", "#882255")
-"""Colours of what is no method: views, tilts, pegs, readings (from Paul Tol's muted palette)."""
-
-# Colour, marker and line of each circle detector: one colour for a family, ours full and thick.
-DETECTORS = {
-    "ours": ("#009E73", "o", "-"),
-    "find_circles two-stage": ("#009E73", "s", ":"),
-    "find_circles phase-code": ("#009E73", "^", ":"),
-    "find_circles accumulator": ("#009E73", "v", ":"),
-    "HoughCircles GRADIENT": ("#0072B2", "s", "--"),
-    "HoughCircles GRADIENT, smoothed": ("#0072B2", "^", "--"),
-    "HoughCircles GRADIENT_ALT": ("#0072B2", "v", "--"),
-    "skimage hough_circle": ("#E69F00", "D", "--"),
-    "SimpleBlobDetector": ("#56B4E9", "P", "--"),
-    "contours + fitEllipse": ("#CC79A7", "X", "--"),
-    "EdgeDrawing": ("#D55E00", "*", "--"),
-}
-
-DPI = 150
-"""Resolution of a saved figure, pixels per inch; in a notebook it is shown at the style's own 100."""
-
-STYLE = {
-    "figure.dpi": 100,
-    "figure.constrained_layout.use": True,
-    "font.size": 10,
-    "axes.titlesize": 10,
-    **dict.fromkeys(("axes.spines.top", "axes.spines.right"), False),
-    "legend.frameon": False,
-    "image.cmap": "gray",
-    "lines.linewidth": 1.5,
-    "pdf.fonttype": 42,
-}
 
 
 def figure(
@@ -123,8 +83,11 @@ def show_figure(fig: Figure, name: str) -> None:
 
 
 def plot_image(
-    ax: Axes, image: ArrayLike, title: str | None = None,
-    *, limits: tuple[float, float, float, float] | None = None,
+    ax: Axes,
+    image: ArrayLike,
+    title: str | None = None,
+    *,
+    limits: tuple[float, float, float, float] | None = None,
 ) -> None:
     """Show a picture with pixel coordinates; `limits` = (left, right, top, bottom) px to zoom (only that part is drawn)."""
     image = np.asarray(image)
@@ -172,18 +135,30 @@ def plot_circles(
 
 
 def plot_ellipses(
-    ax: Axes, centers: Floats, semi_axes: Floats, angles: Floats,
-    *, color: str = COLORS["joint"], label: str | None = None,
+    ax: Axes,
+    centers: Floats,
+    semi_axes: Floats,
+    angles: Floats,
+    *,
+    color: str = COLORS["joint"],
+    label: str | None = None,
 ) -> None:
     """Ellipses with their centres; semi-axes px, angles rad."""
     for center, (major, minor), angle in zip(centers, semi_axes, angles, strict=False):
-        ax.add_patch(Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2))
+        ax.add_patch(
+            Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2)
+        )
     ax.plot(*np.atleast_2d(centers).T, "x", color=color, markersize=5, label=label)
 
 
 def plot_residuals(
-    ax: Axes, image_points: Floats, residuals: Floats,
-    *, scale: float = 1000.0, color: str = COLORS["genetic"], image_size: tuple[int, int] | None = None,
+    ax: Axes,
+    image_points: Floats,
+    residuals: Floats,
+    *,
+    scale: float = 1000.0,
+    color: str = COLORS["genetic"],
+    image_size: tuple[int, int] | None = None,
 ) -> None:
     """Residuals as arrows, `scale` times enlarged, with the longest one's length in the title."""
     ax.quiver(*image_points.T, *residuals.T, angles="xy", scale_units="xy", scale=1 / scale, color=color, width=0.003)
@@ -198,7 +173,9 @@ def plot_convergence(
 ) -> None:
     """Best objective over the generations, one line for each history (seed)."""
     for number, history in enumerate(histories):
-        ax.semilogy(history["generation"], history["best"], color=color, alpha=0.6, label=label if number == 0 else None)
+        ax.semilogy(
+            history["generation"], history["best"], color=color, alpha=0.6, label=label if number == 0 else None
+        )
     if floor is not None:
         ax.axhline(floor, color=COLORS["oracle"], linestyle="--", label="optimum in the box")
     ax.set(xlabel="generation", ylabel="best mean distance (px)")
@@ -212,8 +189,13 @@ def plot_map(ax: Axes, x: ArrayLike, y: ArrayLike, values: ArrayLike) -> Any:
 
 
 def plot_error_histogram(
-    ax: Axes, distances: Floats,
-    *, limit: float | None = None, bins: ArrayLike | None = None, color: str = COLORS["genetic"], label: str | None = None,
+    ax: Axes,
+    distances: Floats,
+    *,
+    limit: float | None = None,
+    bins: ArrayLike | None = None,
+    color: str = COLORS["genetic"],
+    label: str | None = None,
 ) -> None:
     """Frequency of re-projection distances (Fig. 6), with the share below `limit` in the legend."""
     edges = np.linspace(0, max(distances.max(), limit or 0) * 1.02, 25) if bins is None else bins
@@ -241,8 +223,14 @@ def plot_error_scatter(
 
 
 def plot_dots(
-    ax: Axes, names: Sequence[str], values: Mapping[str, ArrayLike],
-    *, colors: Mapping[str, str], unit: str, printed: Iterable[float] = (), logarithmic: bool = False,
+    ax: Axes,
+    names: Sequence[str],
+    values: Mapping[str, ArrayLike],
+    *,
+    colors: Mapping[str, str],
+    unit: str,
+    printed: Iterable[float] = (),
+    logarithmic: bool = False,
 ) -> None:
     """Dots in a row for each name, one colour for each method; printed numbers as dotted vertical lines.
 
@@ -255,8 +243,13 @@ def plot_dots(
     for number in printed:
         ax.axvline(number, color=COLORS["paper"], linestyle=":", linewidth=1.2)
         ax.annotate(
-            f"{number:g}", (number, 1), xycoords=("data", "axes fraction"), xytext=(0, 2),
-            textcoords="offset points", ha="center", fontsize=8,
+            f"{number:g}",
+            (number, 1),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 2),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
         )
     for boundary in rows[1:] - 0.5:
         ax.axhline(boundary, color="0.92", linewidth=0.8, zorder=0)
@@ -293,7 +286,14 @@ def plot_block_means(ax: Axes, table: pd.DataFrame, *, color: str = COLORS["pape
     count = table["last_frame"] - table["first_frame"] + 1
     middle = (table["first_frame"] + table["last_frame"]) / 2
     ax.errorbar(
-        middle, table["mean_mm"], table["sd_mm"] / np.sqrt(count), (count - 1) / 2,
-        fmt="s", color=color, markersize=5, capsize=3, label=label,
+        middle,
+        table["mean_mm"],
+        table["sd_mm"] / np.sqrt(count),
+        (count - 1) / 2,
+        fmt="s",
+        color=color,
+        markersize=5,
+        capsize=3,
+        label=label,
     )
     ax.set(xlabel="frame", ylabel="error of the radius (mm)")

@@ -57,7 +57,12 @@ def run(command: list[str | Path], folder: Path, total: int) -> int:
     count, lines = Count(total), []
     before = _installed(folder)
     process = subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace"
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        encoding="utf-8",
+        errors="replace",
     )
     with process:
         done = threading.Event()

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
 
-
 def read_csv(path: str | PathLike[str], *, as_text: bool = False, **options: Any) -> DataFrame:
     """Read a CSV file of the project: lines that begin with # are comments.
 

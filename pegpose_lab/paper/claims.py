@@ -129,8 +129,16 @@ def _claim(identifier, values):
     ours, tolerance = float(values.get(identifier, np.nan)), _tolerance(identifier, rule)
     verdict, reason = _judge(identifier, rule, row["value"], ours, tolerance, values)
     return [
-        identifier, row["where"], row["quantity"], row["value"], ours, ours - row["value"], tolerance, row["unit"],
-        verdict, reason,
+        identifier,
+        row["where"],
+        row["quantity"],
+        row["value"],
+        ours,
+        ours - row["value"],
+        tolerance,
+        row["unit"],
+        verdict,
+        reason,
     ]
 
 

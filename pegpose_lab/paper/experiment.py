@@ -136,8 +136,7 @@ class Experiment:
     def cam_from_hubs(self) -> list[RigidTransform]:
         """(45) poses of the hub."""
         return [
-            self.cam_from_plane
-            * RigidTransform.from_components([shift, 0, 0], Rotation.from_rotvec([0, 0, theta]))
+            self.cam_from_plane * RigidTransform.from_components([shift, 0, 0], Rotation.from_rotvec([0, 0, theta]))
             for shift, theta in zip(self.shifts, self.thetas, strict=False)
         ]
 
@@ -150,7 +149,12 @@ class Experiment:
     def hub_frame(self, index: int, *, rng: int = 0, **scene: Any) -> NDArray[Any]:
         """Render hub frame 0..44; the noise is seeded by `rng` and `index`, `scene` goes to `render_hub`."""
         return render_hub(
-            self.camera, self.cam_from_hubs[index], self.hub, blur=self.blur, noise=self.noise, rng=[rng, 100 + index],
+            self.camera,
+            self.cam_from_hubs[index],
+            self.hub,
+            blur=self.blur,
+            noise=self.noise,
+            rng=[rng, 100 + index],
             **scene,
         )
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-
 @functools.cache
 def _numbers():
     """The rows of the CSV, indexed by id, with the parsed number beside the printed text."""

@@ -122,9 +122,7 @@ def estimate_pose(
     """
     centers = as_points(observation.peg_centers, 2, "observation.peg_centers")
     if len(centers) != hub.n_pegs:
-        raise ValueError(
-            f"observation.peg_centers has {len(centers)} rows; expected one for each peg: {hub.n_pegs}"
-        )
+        raise ValueError(f"observation.peg_centers has {len(centers)} rows; expected one for each peg: {hub.n_pegs}")
     radii = _as_radii(observation.peg_radii, hub.n_pegs, "observation.peg_radii")
     if plane is None:
         frame, cam_from_hub = RigidTransform.identity(), _fit_six_degrees(observation, centers, camera, hub)
@@ -228,11 +226,7 @@ def _left_jacobian(rotation_vector):
     cross = np.cross(np.eye(3), rotation_vector)  # [v]_x, antisymmetric
     if angle < 1e-4:
         return np.eye(3) + cross / 2 + cross @ cross / 6
-    return (
-        np.eye(3)
-        + (1 - np.cos(angle)) / angle**2 * cross
-        + (angle - np.sin(angle)) / angle**3 * cross @ cross
-    )
+    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * cross + (angle - np.sin(angle)) / angle**3 * cross @ cross
 
 
 def _fit_directions(start, points, normalized):

@@ -155,8 +155,14 @@ def _genetic(setting, **options):
 
 def _differential_evolution(setting):
     found = differential_evolution(
-        lambda x: setting.objective(x.T), setting.bounds, rng=setting.rng, vectorized=True, updating="deferred",
-        polish=False, tol=1e-10, maxiter=300,
+        lambda x: setting.objective(x.T),
+        setting.bounds,
+        rng=setting.rng,
+        vectorized=True,
+        updating="deferred",
+        polish=False,
+        tol=1e-10,
+        maxiter=300,
     )
     return setting.result(found.x), len(found.population) * (found.nit + 1)
 
@@ -179,7 +185,10 @@ def _particle_swarm(setting):
 
 def _nelder_mead(setting):
     found = minimize(
-        lambda x: setting.objective(x[None])[0], setting.centre, method="Nelder-Mead", bounds=setting.bounds,
+        lambda x: setting.objective(x[None])[0],
+        setting.centre,
+        method="Nelder-Mead",
+        bounds=setting.bounds,
         options={"xatol": 1e-9, "fatol": 1e-12, "maxfev": 4000},
     )
     return setting.result(found.x), found.nfev
@@ -256,7 +265,9 @@ def _held_out(found, method, shared, views, camera):
     """Mean E of views 2, 3, ... with cameras that were calibrated without them."""
     if not shared:
         return np.mean([_unseen_error(found.camera, *view) for view in views[1:]])
-    left_out = leave_one_out(lambda *others: method(list(zip(*others, strict=True)), camera)[0], *zip(*views, strict=True))
+    left_out = leave_one_out(
+        lambda *others: method(list(zip(*others, strict=True)), camera)[0], *zip(*views, strict=True)
+    )
     return left_out["mean_distance"].iloc[1:].mean()
 
 

@@ -108,7 +108,9 @@ def _why(image, place, radii, polarity, circles):
     alone = image[top : int(y + ALONE * r) + 1, left : int(x + ALONE * r) + 1], (x - left, y - top, r)
     highest = {"sensitivity": 1.0}
     for why, (part, there), settings in (
-        ("shared", alone, {}), ("score", (image, place), highest), ("shared", alone, highest),
+        ("shared", alone, {}),
+        ("score", (image, place), highest),
+        ("shared", alone, highest),
     ):
         if _match(find_circles(part, radii, polarity=polarity, **settings), [there])[0] >= 0:
             return why
@@ -121,7 +123,10 @@ def rim_share(image: NDArray[np.uint8], x: float, y: float, r: float, polarity: 
     cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
     inside, outside = (
         cv2.remap(
-            image, (x + cos * rho).astype(np.float32), (y + sin * rho).astype(np.float32), cv2.INTER_LINEAR,
+            image,
+            (x + cos * rho).astype(np.float32),
+            (y + sin * rho).astype(np.float32),
+            cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         ).mean(axis=1)
         for rho in (r - RIM, r + RIM)
@@ -167,7 +172,11 @@ def write_circle_counts(folder: Path = MEASURED_FOLDER) -> None:
     counts, missed = count_circles()
     for file, table, what in (
         ("circle_counts", counts, "circles found in photographs with known counts"),
-        ("missed_circles", missed.round(3), "discs not found in them (px), the share of their rim with a step, and why"),
+        (
+            "missed_circles",
+            missed.round(3),
+            "discs not found in them (px), the share of their rim with a step, and why",
+        ),
     ):
         write_measured(folder, file, table, f"{what}; {made_by('circle_counts')}")
 

@@ -29,9 +29,7 @@ def made_by(name: str) -> str:
     return f"made by: python3 -m pegpose_lab measure {name}"
 
 
-def write_measured(
-    folder: Path, file: str, table: DataFrame, comment: str, *, float_format: str | None = None
-) -> None:
+def write_measured(folder: Path, file: str, table: DataFrame, comment: str, *, float_format: str | None = None) -> None:
     """Write a table as <file>.csv into `folder`, below its comment."""
     results.write_csv(folder / f"{file}.csv", table, comment=comment, float_format=float_format)
 

@@ -21,9 +21,7 @@ def test_whole_numbers_become_ints(value):
     assert count == 4 and type(count) is int
 
 
-@pytest.mark.parametrize(
-    "value", ["4", b"4", True, np.True_, None, 4.5, np.nan, np.inf, [4], np.array([4]), 4j, 2, 6]
-)
+@pytest.mark.parametrize("value", ["4", b"4", True, np.True_, None, 4.5, np.nan, np.inf, [4], np.array([4]), 4j, 2, 6])
 def test_other_values_are_no_counts(value):
     with pytest.raises(ValueError, match="^n is .*; expected"):
         as_count(value, "n", 3, 5)
@@ -65,23 +63,33 @@ def test_points_as_opencv_returns_them_are_told():
 SPREAD = np.random.default_rng(0).uniform(0, 100, (9, 3))
 
 
-@pytest.mark.parametrize("third, words", [
-    (None, r"image_points\[2\] is None"),
-    (SPREAD[:8, :2], r"object_points\[2\] has 9 rows and image_points\[2\] 8"),
-    (np.where(np.arange(18).reshape(9, 2) == 9, np.nan, SPREAD[:, :2]), r"image_points\[2\].*NaN.*first in row 4"),
-    (SPREAD[:, None, :2], r"image_points\[2\] has shape \(9, 1, 2\)"),
-    (SPREAD[:, :1] * [1, 2], r"image_points\[2\].*one line"),
-    ("corners", r"image_points\[2\] is not an array of numbers"),
-])
+@pytest.mark.parametrize(
+    "third, words",
+    [
+        (None, r"image_points\[2\] is None"),
+        (SPREAD[:8, :2], r"object_points\[2\] has 9 rows and image_points\[2\] 8"),
+        (np.where(np.arange(18).reshape(9, 2) == 9, np.nan, SPREAD[:, :2]), r"image_points\[2\].*NaN.*first in row 4"),
+        (SPREAD[:, None, :2], r"image_points\[2\] has shape \(9, 1, 2\)"),
+        (SPREAD[:, :1] * [1, 2], r"image_points\[2\].*one line"),
+        ("corners", r"image_points\[2\] is not an array of numbers"),
+    ],
+)
 def test_a_view_is_named_by_its_number(third, words):
     with pytest.raises(ValueError, match=words):
         as_views([SPREAD] * 4, [SPREAD[:, :2], SPREAD[:, :2], third, SPREAD[:, :2]], 5)
 
 
-@pytest.mark.parametrize("views, words", [
-    ([], "empty: there is no view"), (SPREAD, r"shape \(9, 3\); expected a sequence.*of one view"), (None, "is NoneType"),
-    ({}, "is dict"), ("views", "is str"), (3, "is int"),
-])
+@pytest.mark.parametrize(
+    "views, words",
+    [
+        ([], "empty: there is no view"),
+        (SPREAD, r"shape \(9, 3\); expected a sequence.*of one view"),
+        (None, "is NoneType"),
+        ({}, "is dict"),
+        ("views", "is str"),
+        (3, "is int"),
+    ],
+)
 def test_what_is_no_list_of_views_is_told(views, words):
     with pytest.raises(ValueError, match=f"object_points .*{words}|object_points.*{words}"):
         as_views(views, [SPREAD[:, :2]], 5)

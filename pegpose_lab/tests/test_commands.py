@@ -31,10 +31,22 @@ def test_commands_start_on_a_bare_python():
     assert ast.literal_eval(ran.stdout) <= {"pegpose_lab", "__main__"}
 
 
-@pytest.mark.parametrize("module", [
-        "__init__", "__main__", "lab/__init__", "lab/environment", "lab/installers", "lab/progress", "lab/notebooks/__init__",
-        "lab/notebooks/exploring", "lab/command_line", "lab/measuring", "files",
-    ])
+@pytest.mark.parametrize(
+    "module",
+    [
+        "__init__",
+        "__main__",
+        "lab/__init__",
+        "lab/environment",
+        "lab/installers",
+        "lab/progress",
+        "lab/notebooks/__init__",
+        "lab/notebooks/exploring",
+        "lab/command_line",
+        "lab/measuring",
+        "files",
+    ],
+)
 def test_an_old_python_can_read_up_to_the_message(module):
     source = (CHECKOUT / "pegpose_lab" / f"{module}.py").read_text(encoding="utf-8")
     ast.parse(source, feature_version=(3, 7))

@@ -47,9 +47,10 @@ def test_the_version_is_stated_once_more():
     assert re.search(r"^## (.*)$", changes, re.MULTILINE)[1] == pegpose_lab.__version__
 
 
-def test_ruff_finds_nothing():
+@pytest.mark.parametrize("arguments", [("check", "--output-format", "concise"), ("format", "--check")])
+def test_ruff_finds_nothing(arguments):
     if importlib.util.find_spec("ruff") is None:
         pytest.skip("ruff is not installed; it is in the extra dev")
-    command = [sys.executable, "-m", "ruff", "check", "--no-cache", "--output-format", "concise", "pegpose_lab"]
+    command = [sys.executable, "-m", "ruff", *arguments, "--no-cache", "pegpose_lab"]
     run = subprocess.run(command, cwd=PROJECT_FOLDER, capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr

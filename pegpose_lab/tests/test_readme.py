@@ -21,7 +21,10 @@ MOST_LINES = 120
 def test_the_example_runs_as_it_stands(tmp_path):
     """On rendered pictures it finds the truth of the rendering: f, and the turn of frame 1 in the plane."""
     experiment = paper_experiment()
-    for folder, picture, numbers in (("boards", experiment.board_image, range(5)), ("frames", experiment.hub_frame, range(2))):
+    for folder, picture, numbers in (
+        ("boards", experiment.board_image, range(5)),
+        ("frames", experiment.hub_frame, range(2)),
+    ):
         (tmp_path / folder).mkdir()
         for number in numbers:
             cv2.imwrite(str(tmp_path / folder / f"{number}.png"), picture(number))

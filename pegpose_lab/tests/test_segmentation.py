@@ -155,17 +155,20 @@ def test_constant_image():
 
 @pytest.mark.parametrize(
     ("arguments", "name"),
-    [({"min_area": -1}, "min_area"), ({"threshold": 300}, "threshold"), ({"threshold": np.nan}, "threshold"),
-     ({"threshold": "90"}, "threshold"), ({"min_area": True}, "min_area")],
+    [
+        ({"min_area": -1}, "min_area"),
+        ({"threshold": 300}, "threshold"),
+        ({"threshold": np.nan}, "threshold"),
+        ({"threshold": "90"}, "threshold"),
+        ({"min_area": True}, "min_area"),
+    ],
 )
 def test_bad_arguments(arguments, name):
     with pytest.raises(ValueError, match=name):
         segment(np.zeros((5, 5), np.uint8), **arguments)
 
 
-@pytest.mark.parametrize(
-    "image", [np.zeros((0, 3), np.uint8), np.zeros((3, 3)), np.zeros((3, 3, 3), np.uint8), "no"]
-)
+@pytest.mark.parametrize("image", [np.zeros((0, 3), np.uint8), np.zeros((3, 3)), np.zeros((3, 3, 3), np.uint8), "no"])
 def test_bad_image(image):
     with pytest.raises(ValueError, match="image"):
         segment(image)

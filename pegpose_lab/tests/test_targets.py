@@ -17,7 +17,9 @@ def test_board_runs_row_by_row():
 
 def test_pegs_stand_at_equal_angles_from_the_x_axis():
     hub = Hub()
-    assert hub.peg_centers == pytest.approx(97.05 / 2 * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]), abs=1e-12)
+    assert hub.peg_centers == pytest.approx(
+        97.05 / 2 * np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]]), abs=1e-12
+    )
 
 
 def test_screws_stand_between_pegs_1_and_4_and_pegs_2_and_3():
@@ -32,9 +34,21 @@ def test_screws_stand_between_pegs_1_and_4_and_pegs_2_and_3():
 @pytest.mark.parametrize(
     "change",
     [
-        {"n_pegs": 2}, {"n_pegs": 4.5}, {"n_pegs": "4"}, {"n_pegs": True}, {"n_pegs": 15}, {"peg_radius": 0},
-        {"peg_radius": 40}, {"peg_radius": "10"}, {"peg_height": -1}, {"radius": 10}, {"screw_angles": ()},
-        {"screw_angles": []}, {"screw_angles": 0.7}, {"screw_angles": ("0.7",)}, {"screw_angles": (0.7, np.nan)},
+        {"n_pegs": 2},
+        {"n_pegs": 4.5},
+        {"n_pegs": "4"},
+        {"n_pegs": True},
+        {"n_pegs": 15},
+        {"peg_radius": 0},
+        {"peg_radius": 40},
+        {"peg_radius": "10"},
+        {"peg_height": -1},
+        {"radius": 10},
+        {"screw_angles": ()},
+        {"screw_angles": []},
+        {"screw_angles": 0.7},
+        {"screw_angles": ("0.7",)},
+        {"screw_angles": (0.7, np.nan)},
     ],
 )
 def test_impossible_hubs_are_refused(change):
@@ -57,7 +71,15 @@ def test_screw_angles_may_be_an_array_and_a_single_one():
 
 @pytest.mark.parametrize(
     "change",
-    [{"columns": 1}, {"rows": 2.5}, {"columns": "8"}, {"rows": True}, {"square": -29}, {"square": np.nan}, {"square": "29"}],
+    [
+        {"columns": 1},
+        {"rows": 2.5},
+        {"columns": "8"},
+        {"rows": True},
+        {"square": -29},
+        {"square": np.nan},
+        {"square": "29"},
+    ],
 )
 def test_impossible_boards_are_refused(change):
     with pytest.raises(ValueError, match=next(iter(change))):

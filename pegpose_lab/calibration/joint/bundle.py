@@ -70,9 +70,7 @@ class Equations:
         blocks = normal[:, :k, :k].sum(axis=0), normal[:, :k, k:], normal[:, k:, k:]
         return cls(*blocks, gradient[:, :k].sum(axis=0), gradient[:, k:], float(np.sum(residuals**2)))
 
-    def eliminated(
-        self, damping: float = 0.0
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def eliminated(self, damping: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """S (k, k), and C^-1 B^T (V, 6, k) and C^-1 times the poses' gradient (V, 6, 1)."""
         k = len(self.a)
         c = self.c.copy()
@@ -101,9 +99,7 @@ class Equations:
         return shared, pose[:, :3], pose[:, 3:], promised
 
 
-def minimise(
-    model: LensModel, views: Views, state: State, weights: NDArray[np.float64]
-) -> tuple[State, Equations]:
+def minimise(model: LensModel, views: Views, state: State, weights: NDArray[np.float64]) -> tuple[State, Equations]:
     """The state at the minimum and its `Equations`."""
     state, equations, settled = descend(model, views, state, weights)
     if not settled:

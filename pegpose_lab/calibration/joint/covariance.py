@@ -22,9 +22,7 @@ LEAST_INFORMATION = 1e-11
 """Smallest eigenvalue of S, scaled by A's diagonal: the part of the information that unknown poses leave."""
 
 
-def covariance_of(
-    model: LensModel, views: Views, state: State, equations: Equations, variance: float
-) -> pd.DataFrame:
+def covariance_of(model: LensModel, views: Views, state: State, equations: Equations, variance: float) -> pd.DataFrame:
     """Covariance of all parameters as a labelled table, translations being those of the objects' own origins.
 
     `equations` are without weights, `variance` is that of a coordinate, px^2.

@@ -154,10 +154,12 @@ class OpenCVModel:
         by_normalized[:, 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
         by_normalized[:, 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
         by_normalized[:, 0, 1] = by_normalized[:, 1, 0] = mixed
-        by_coefficients = np.stack([
-            [x * r2, x * r2**2, 2 * x * y, r2 + 2 * x * x, x * r2**3],
-            [y * r2, y * r2**2, r2 + 2 * y * y, 2 * x * y, y * r2**3],
-        ]).transpose(2, 0, 1)[:, :, self.coefficients]
+        by_coefficients = np.stack(
+            [
+                [x * r2, x * r2**2, 2 * x * y, r2 + 2 * x * x, x * r2**3],
+                [y * r2, y * r2**2, r2 + 2 * y * y, 2 * x * y, y * r2**3],
+            ]
+        ).transpose(2, 0, 1)[:, :, self.coefficients]
         by_focal = np.zeros((len(points), 2, 2))
         by_focal[:, 0, 0], by_focal[:, 1, 1] = x_d, y_d
         if not self.two:

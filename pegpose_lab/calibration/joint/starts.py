@@ -52,9 +52,7 @@ def demand_views(
     demand_order(object_points, image_points)
 
 
-def demand_order(
-    object_points: Sequence[NDArray[np.float64]], image_points: Sequence[NDArray[np.float64]]
-) -> None:
+def demand_order(object_points: Sequence[NDArray[np.float64]], image_points: Sequence[NDArray[np.float64]]) -> None:
     """Refuse planes of which the image points are no perspective image, not even roughly: their order is wrong.
 
     Raises

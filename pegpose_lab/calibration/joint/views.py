@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-
 class LensModel(Protocol):
     """What least squares asks of a lens model (`models`): the parameters' names, and the projection."""
 
@@ -36,9 +35,7 @@ class Views:
     used: np.ndarray
 
     @classmethod
-    def stack(
-        cls, object_points: Sequence[NDArray[np.float64]], image_points: Sequence[NDArray[np.float64]]
-    ) -> Views:
+    def stack(cls, object_points: Sequence[NDArray[np.float64]], image_points: Sequence[NDArray[np.float64]]) -> Views:
         shape = len(object_points), max(len(points) for points in object_points)
         points, image, used = np.zeros((*shape, 3)), np.zeros((*shape, 2)), np.zeros(shape)
         centroids = np.array([points.mean(axis=0) for points in object_points])
@@ -72,9 +69,7 @@ class State:
         ]
 
 
-def evaluate(
-    model: LensModel, views: Views, state: State
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def evaluate(model: LensModel, views: Views, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
     """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by the camera, a turn and a shift; None without an image."""
     turned = views.points @ state.rotations.transpose(0, 2, 1)
     points = (turned + state.positions[:, None]).reshape(-1, 3)

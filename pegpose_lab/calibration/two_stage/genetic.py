@@ -159,7 +159,9 @@ def repeat_genetic(
     """
     unknown = set(options) - set(_OPTIONS)
     if unknown or not len(rngs):
-        raise ValueError(f"rngs has length {len(rngs)}, unknown options are {sorted(unknown)}; expected a run, and none")
+        raise ValueError(
+            f"rngs has length {len(rngs)}, unknown options are {sorted(unknown)}; expected a run, and none"
+        )
     settings = SimpleNamespace(**(minimize_genetic.__kwdefaults__ | options))
     rng = _SideBySide(rngs)
     lower, upper = _as_bounds(bounds)
@@ -209,8 +211,13 @@ def _children(population, values, lower, upper, rng, settings):
     pool = np.take_along_axis(population, roulette(values, population.shape[1], rng)[..., None], axis=1)
     children = blend_crossover(pool, rng, alpha=settings.alpha, form=settings.crossover)
     children = power_mutation(
-        np.clip(children, lower, upper), lower, upper, rng,
-        index=settings.mutation_index, rate=settings.mutation_rate, form=settings.mutation,
+        np.clip(children, lower, upper),
+        lower,
+        upper,
+        rng,
+        index=settings.mutation_index,
+        rate=settings.mutation_rate,
+        form=settings.mutation,
     )
     return np.clip(children, lower, upper)
 

@@ -53,7 +53,9 @@ def solve_images(
     """
     points, image_points = as_points(object_points, 3, "object_points"), np.asarray(image_points, np.float64)
     if np.any(points[:, 2] != 0):
-        raise ValueError(f"object_points have z from {points[:, 2].min():g} to {points[:, 2].max():g} mm; expected z = 0")
+        raise ValueError(
+            f"object_points have z from {points[:, 2].min():g} to {points[:, 2].max():g} mm; expected z = 0"
+        )
     if image_points.ndim != 3 or image_points.shape[1:] != (len(points), 2):
         raise ValueError(f"image_points has shape {image_points.shape}; expected (m, {len(points)}, 2)")
     points = points[:, :2]

@@ -197,7 +197,9 @@ def repeat_calibration(
     shared = np.ndim(image_points) == 2
     images = [image_points] if shared else list(image_points)
     if not shared and len(images) != len(rngs):
-        raise ValueError(f"image_points has {len(images)} images for {len(rngs)} rngs; expected one for each, or (n, 2)")
+        raise ValueError(
+            f"image_points has {len(images)} images for {len(rngs)} rngs; expected one for each, or (n, 2)"
+        )
     starts = [_Start(object_points, image, camera, box, kappa1, genes) for image in images]
     starts = starts * len(rngs) if shared else starts
     groups = [slice(first, first + SIDE_BY_SIDE) for first in range(0, len(rngs), SIDE_BY_SIDE)]

@@ -69,7 +69,9 @@ def jupyterlab_arguments(options: argparse.Namespace, checkout: Path = CHECKOUT)
     ]
     given = {"no-browser": options.no_browser, "allow-root": options.allow_root}
     arguments += [f"--{name}" for name, wanted in given.items() if wanted]
-    arguments += [f"--{name}={value}" for name, value in (("ip", options.ip), ("port", options.port)) if value is not None]
+    arguments += [
+        f"--{name}={value}" for name, value in (("ip", options.ip), ("port", options.port)) if value is not None
+    ]
     return arguments + options.extra
 
 
@@ -116,7 +118,9 @@ def choose(notebooks: Sequence[Named], pattern: str) -> list[Named]:
 def _git(checkout, *arguments):
     """What a git command prints about the checkout."""
     if not shutil.which("git"):
-        raise SystemExit("Notebooks are restored from git, and git is not installed: install it, or unpack the project anew.")
+        raise SystemExit(
+            "Notebooks are restored from git, and git is not installed: install it, or unpack the project anew."
+        )
     run = subprocess.run(["git", "-C", str(checkout), *arguments], capture_output=True)
     if run.returncode:
         said = os.fsdecode(run.stderr).strip()

@@ -157,7 +157,9 @@ def table(outcomes: Sequence[Outcome]) -> str:
         cells = [_cell(outcome.failed.get(name)) for name in columns]
         rows.append([outcome.machine, *cells, str(len(outcome.changed)), f"{outcome.seconds:.0f}"])
     widths = [max(len(row[column]) for row in rows) for column in range(len(head))]
-    return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows)
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
 
 
 def _cell(failures):

@@ -10,7 +10,7 @@ import numpy as np
 from ...checks import DetectionError, as_image
 from ...circles import DETECTION_METHODS, find_circles
 from ...segmentation import segment
-from ..plotting import COLORS
+from ..style import COLORS
 from .drawing import _canvas, _circle, _resized
 from .explorer import Explorer, _look, _slider
 
@@ -44,19 +44,37 @@ def circle_explorer(
     regions = _regions(small) if polarity == "bright" else None
 
     def draw(picture, radius_range, sensitivity, method):
-        circles = find_circles(small, scale * np.array(radius_range), method=method, polarity=polarity,
-                               sensitivity=sensitivity, regions=regions)
+        circles = find_circles(
+            small,
+            scale * np.array(radius_range),
+            method=method,
+            polarity=polarity,
+            sensitivity=sensitivity,
+            regions=regions,
+        )
         for center, radius in zip(circles.centers, circles.radii, strict=False):
             _circle(picture, center, radius, 1.0, COLORS["genetic"])
         return _describe_circles(circles, scale)
 
-    return Explorer("circle explorer", lambda **_: canvas, draw, {
-        "radius_range": _slider(ipywidgets.IntRangeSlider, "radius range (px)", radius_range, 2,
-                                max(min(image.shape) // 4, radius_range[1]), live=False),
-        "sensitivity": _slider(ipywidgets.FloatSlider, "sensitivity (0 to 1)", 0.85, 0.0, 1.0, step=0.01,
-                               live=False),
-        "method": ipywidgets.Dropdown(options=tuple(DETECTION_METHODS), description="method", **_look()),
-    })
+    return Explorer(
+        "circle explorer",
+        lambda **_: canvas,
+        draw,
+        {
+            "radius_range": _slider(
+                ipywidgets.IntRangeSlider,
+                "radius range (px)",
+                radius_range,
+                2,
+                max(min(image.shape) // 4, radius_range[1]),
+                live=False,
+            ),
+            "sensitivity": _slider(
+                ipywidgets.FloatSlider, "sensitivity (0 to 1)", 0.85, 0.0, 1.0, step=0.01, live=False
+            ),
+            "method": ipywidgets.Dropdown(options=tuple(DETECTION_METHODS), description="method", **_look()),
+        },
+    )
 
 
 # ---- segmentation and circles ----
@@ -75,5 +93,7 @@ def _describe_circles(circles, scale):
     number, radii = len(circles.radii), circles.radii / scale
     if number == 0:
         return "no circles: widen the radius range or raise the sensitivity"
-    return (f"{number} circle{'s' * (number > 1)}; radii {radii.min():.1f} to {radii.max():.1f} px, "
-            f"scores {circles.scores.min():.2f} to {circles.scores.max():.2f}")
+    return (
+        f"{number} circle{'s' * (number > 1)}; radii {radii.min():.1f} to {radii.max():.1f} px, "
+        f"scores {circles.scores.min():.2f} to {circles.scores.max():.2f}"
+    )

@@ -12,7 +12,7 @@ from matplotlib import colormaps
 
 from ...calibration import PENALTY, minimize_genetic
 from .. import plotting
-from ..plotting import COLORS
+from ..style import COLORS
 from .drawing import _bgr
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
@@ -66,15 +66,22 @@ def genetic_explorer(
         best = np.argmin(values)
         valley.draw(picture, chromosomes, best)
         f, t_z = chromosomes[best]
-        return (f"generation {generation} of {generations}: mean distance of the best {values[best]:.4f} px, "
-                f"median {np.median(values):.4f} px;\nbest f = {f:.3f} mm, T_z = {t_z:.3f} mm")
+        return (
+            f"generation {generation} of {generations}: mean distance of the best {values[best]:.4f} px, "
+            f"median {np.median(values):.4f} px;\nbest f = {f:.3f} mm, T_z = {t_z:.3f} mm"
+        )
 
-    return Explorer("genetic explorer", lambda **_: valley.background, draw, {
-        "population": _slider(ipywidgets.IntSlider, "population", 60, 10, 200, step=10),
-        "alpha": _slider(ipywidgets.FloatSlider, "alpha (Eq. 9)", 0.75, 0.0, 1.5, step=0.05),
-        "seed": _slider(ipywidgets.IntSlider, "seed", 0, 0, 99),
-        "generation": _slider(ipywidgets.IntSlider, "generation", min(5, generations), 0, generations),
-    })
+    return Explorer(
+        "genetic explorer",
+        lambda **_: valley.background,
+        draw,
+        {
+            "population": _slider(ipywidgets.IntSlider, "population", 60, 10, 200, step=10),
+            "alpha": _slider(ipywidgets.FloatSlider, "alpha (Eq. 9)", 0.75, 0.0, 1.5, step=0.05),
+            "seed": _slider(ipywidgets.IntSlider, "seed", 0, 0, 99),
+            "generation": _slider(ipywidgets.IntSlider, "generation", min(5, generations), 0, generations),
+        },
+    )
 
 
 # ---- the valley ----

@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from ...pegs import locate_pegs
 from ...pose import estimate_pose
 from ...render import render_hub
-from ..plotting import COLORS
+from ..style import COLORS
 from .drawing import _bgr, _canvas, _circle, _place
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
@@ -75,10 +75,15 @@ def hub_explorer(
         _paint_pegs(picture, SHOWN_WIDTH / camera.image_size[0], previous)
         return _compare_poses(angle, shift, pose)
 
-    return Explorer("hub explorer", backdrop, draw, {
-        "angle": _slider(ipywidgets.FloatSlider, "hub angle (deg)", angle, -180.0, 180.0, step=1.0),
-        "shift": _slider(ipywidgets.FloatSlider, "shift (mm)", shift, -10.0, 70.0, step=0.5),
-    })
+    return Explorer(
+        "hub explorer",
+        backdrop,
+        draw,
+        {
+            "angle": _slider(ipywidgets.FloatSlider, "hub angle (deg)", angle, -180.0, 180.0, step=1.0),
+            "shift": _slider(ipywidgets.FloatSlider, "shift (mm)", shift, -10.0, 70.0, step=0.5),
+        },
+    )
 
 
 # ---- the hub ----

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...checks import as_image
 from ...segmentation import segment
-from ..plotting import COLORS
+from ..style import COLORS
 from .drawing import _bgr, _canvas, _place
 from .explorer import FONT, Explorer, _look, _slider
 
@@ -38,12 +38,18 @@ def threshold_explorer(image: ArrayLike) -> Explorer:
         _paint_parts(picture, scale, found)
         return _describe_parts(found, min_area)
 
-    return Explorer("threshold explorer", lambda **_: canvas, draw, {
-        "automatic": ipywidgets.Checkbox(True, description="automatic (Otsu)", indent=True, **_look()),
-        "threshold": _slider(ipywidgets.IntSlider, "threshold (grey value)", int(_otsu(image)), 0, 255),
-        "min_area": _slider(ipywidgets.IntSlider, "minimum area (px)", max(4, image.size // 10_000), 1,
-                            max(5, image.size // 500)),
-    })
+    return Explorer(
+        "threshold explorer",
+        lambda **_: canvas,
+        draw,
+        {
+            "automatic": ipywidgets.Checkbox(True, description="automatic (Otsu)", indent=True, **_look()),
+            "threshold": _slider(ipywidgets.IntSlider, "threshold (grey value)", int(_otsu(image)), 0, 255),
+            "min_area": _slider(
+                ipywidgets.IntSlider, "minimum area (px)", max(4, image.size // 10_000), 1, max(5, image.size // 500)
+            ),
+        },
+    )
 
 
 # ---- segmentation and circles ----

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from ...lab.plotting import COLORS
+from ...lab.style import COLORS
 from ...targets import Hub
 from .space import BODY, EDGE, INK, MARKED, SHADE, SMALL, _arrow, _ring, _View, look_at
 
@@ -47,8 +47,10 @@ def draw_assembly(ax: Axes) -> dict[str, NDArray[np.float64]]:
         view.triad(pose, 11.0, zorder=30, names=names, offsets=((5, 0), (-9, 0), (0, 6)))
     origins = {name: view.at(pose.translation) for name, pose in poses.items()}
     for letter, title, offset in (
-        ("R", "robot base", (80, -12)), ("E", "end-effector\nwith the wheel", (-58, 38)),
-        ("C", "fixed camera", (-62, 26)), ("P", "hub with pegs", (-75, -17)),
+        ("R", "robot base", (80, -12)),
+        ("E", "end-effector\nwith the wheel", (-58, 38)),
+        ("C", "fixed camera", (-62, 26)),
+        ("P", "hub with pegs", (-75, -17)),
     ):
         view.label(poses[letter].translation, f"$\\mathbf{{{letter}}}$  {title}", offset)
     for (start, end), (bend, share) in zip(TRANSFORMS, _ARROW_SHAPES, strict=False):
@@ -110,8 +112,13 @@ def _draw_hub_on_shaft(view, world_from_hub):
 def _draw_fixed_camera(view, world_from_cam, world_from_hub):
     """Body and lens along the camera's z axis, a bracket to a post, and the cone of view on the hub."""
     rim = _ring(world_from_hub.translation, (0, 0, 1), 1.18 * _ENLARGED * Hub().radius)
-    view.solid(np.vstack([rim, world_from_cam.translation]), facecolor=COLORS["measured"], alpha=0.13,
-               edgecolor="none", zorder=1)
+    view.solid(
+        np.vstack([rim, world_from_cam.translation]),
+        facecolor=COLORS["measured"],
+        alpha=0.13,
+        edgecolor="none",
+        zorder=1,
+    )
     corners = np.array(np.meshgrid((-5, 5), (-5, 5), (-18, -4))).reshape(3, -1).T
     post = np.array([(142.0, 10.0, 0.0), (142.0, 10.0, 112.0), (114.0, 4.0, 112.0)])
     view.line(post, color=EDGE, linewidth=4.5, zorder=1.5, solid_joinstyle="round")
@@ -148,6 +155,13 @@ def _transform_arrow(ax, start, end, places, bend, share):
     name = TRANSFORMS[start, end].replace("_from_end", "_from_\nend")
     text = f"${{}}^{{{start}}}T_{{{end}}}$\n{name}"
     ax.annotate(
-        text, middle, ha="center", va="center", fontsize=SMALL, color=color, zorder=35, linespacing=1.1,
+        text,
+        middle,
+        ha="center",
+        va="center",
+        fontsize=SMALL,
+        color=color,
+        zorder=35,
+        linespacing=1.1,
         bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none"},
     )

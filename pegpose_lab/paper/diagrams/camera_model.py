@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from ...camera import TsaiCamera
-from ...lab.plotting import COLORS, SERIES
+from ...lab.style import COLORS, SERIES
 from .space import AXIS_COLORS, EDGE, INK, MARKED, SMALL, _View
 
 if TYPE_CHECKING:

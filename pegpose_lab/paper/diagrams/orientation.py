@@ -9,7 +9,7 @@ from matplotlib.patches import Circle
 from scipy.spatial.transform import Rotation
 
 from ...checks import as_number
-from ...lab.plotting import SERIES
+from ...lab.style import SERIES
 from .space import _CENTERED, BODY, EDGE, INK, MARKED, SHADE, SMALL, _arrow, _bare
 
 if TYPE_CHECKING:
@@ -49,15 +49,17 @@ def draw_orientation(ax: Axes, hub: Hub, theta: float) -> tuple[Line2D, Line2D]:
     pegs, screws = (turn.apply(points)[:, :2] for points in (hub.peg_centers, hub.screw_centers))
     reach = 1.28 * hub.radius
     _draw_hub_face(ax, hub, pegs, screws)
-    line1, = ax.plot(*np.array([(0, 0), pegs[0]]).T, color=MARKED, linewidth=2.0, zorder=5)
-    line2, = ax.plot([0, reach], [0, 0], color=SERIES[0], linewidth=2.0, linestyle=(0, (5, 2)), zorder=4)
+    (line1,) = ax.plot(*np.array([(0, 0), pegs[0]]).T, color=MARKED, linewidth=2.0, zorder=5)
+    (line2,) = ax.plot([0, reach], [0, 0], color=SERIES[0], linewidth=2.0, linestyle=(0, (5, 2)), zorder=4)
     ax.plot(*np.array([(0, 0), pegs[0]]).T, "o", color=INK, markersize=4, zorder=6)
     _draw_theta(ax, theta, _arc_radius(hub))
     _label_orientation(ax, hub, pegs, screws, theta, reach)
     _draw_screen_axes(ax, hub)
     way = "clockwise" if theta >= 0 else "anticlockwise"
     _bare(
-        ax, (-1.35 * hub.radius, 1.75 * hub.radius), (1.42 * hub.radius, -1.2 * hub.radius),
+        ax,
+        (-1.35 * hub.radius, 1.75 * hub.radius),
+        (1.42 * hub.radius, -1.2 * hub.radius),
         "As on the screen, $y$ down: $\\theta$ counts positive clockwise, from $x$ towards $y$.\n"
         f"Drawn: $\\theta = {np.rad2deg(theta):.1f}$°, {way}. Pegs are numbered clockwise.",
     )
@@ -69,6 +71,7 @@ def draw_orientation(ax: Axes, hub: Hub, theta: float) -> tuple[Line2D, Line2D]:
 
 def _draw_hub_face(ax, hub, pegs, screws):
     """Base, pitch circle, bore, screws and pegs as the camera sees them."""
+
     def disc(center, radius, face, **style):
         defaults = {"facecolor": face, "edgecolor": EDGE, "linewidth": 1.0, "zorder": 2}
         ax.add_patch(Circle(center, radius, **(defaults | style)))
@@ -94,16 +97,22 @@ def _label_orientation(ax, hub, pegs, screws, theta, reach):
     """Labels of pegs, screws, lines and the angle, each beside its object."""
     pitch_radius = hub.pitch_circle_diameter / 2
     for number, center in enumerate(pegs, 1):
-        ax.text(*center * (1.13 * hub.radius / pitch_radius), f"peg {number}", **_CENTERED, fontsize=9.5,
-                color=MARKED if number == 1 else INK)
+        ax.text(
+            *center * (1.13 * hub.radius / pitch_radius),
+            f"peg {number}",
+            **_CENTERED,
+            fontsize=9.5,
+            color=MARKED if number == 1 else INK,
+        )
     for number, center in enumerate(screws, 1):
         place = center / np.hypot(*center) * (pitch_radius + hub.radius) / 2
         ax.text(*place, f"screw {number}", **_CENTERED, fontsize=SMALL)
     along = np.array([np.cos(theta), np.sin(theta)])
     away = (1.0 if theta >= 0 else -1.0) * np.array([-along[1], along[0]])  # the side of line 1 without the arc
     slope = (-np.rad2deg(theta) + 90) % 180 - 90
-    ax.text(*(0.58 * pitch_radius * along + 4.5 * away), "line 1", rotation=slope, **_CENTERED,
-            fontsize=9, color=MARKED)
+    ax.text(
+        *(0.58 * pitch_radius * along + 4.5 * away), "line 1", rotation=slope, **_CENTERED, fontsize=9, color=MARKED
+    )
     ax.text(reach, 0, " line 2,\n horizontal", ha="left", va="center", fontsize=9, color=SERIES[0])
     radius = _arc_radius(hub) + 5.0
     ax.text(radius * np.cos(theta / 2), radius * np.sin(theta / 2), "$\\theta$", **_CENTERED, fontsize=13)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.patches import FancyBboxPatch
 
-from ...lab.plotting import SERIES
+from ...lab.style import SERIES
 from .space import MARKED, SMALL, _arrow, _bare
 
 if TYPE_CHECKING:
@@ -62,6 +62,14 @@ def _draw_step(ax, corner, size, step, color):
     style = {"boxstyle": "round,pad=0,rounding_size=0.07", "facecolor": "white", "linewidth": 1.2}
     ax.add_patch(FancyBboxPatch(corner, width, height, edgecolor=color, **style))
     ax.text(x + 0.12, y + 0.68 * height, title, weight="bold", fontsize=9.5, va="center")
-    ax.text(x + width - 0.12, y + 0.68 * height, modules, fontsize=SMALL - 0.5, family="monospace", color=color,
-            ha="right", va="center")
+    ax.text(
+        x + width - 0.12,
+        y + 0.68 * height,
+        modules,
+        fontsize=SMALL - 0.5,
+        family="monospace",
+        color=color,
+        ha="right",
+        va="center",
+    )
     ax.text(x + 0.12, y + 0.28 * height, text, fontsize=SMALL + 0.5, va="center", color="0.25")

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from ...camera import TsaiCamera
-from ...lab.plotting import COLORS, SERIES
+from ...lab.style import COLORS, SERIES
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

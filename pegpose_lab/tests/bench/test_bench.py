@@ -32,7 +32,9 @@ def _report(**changes):
     sizes = pd.DataFrame({"megapixels": [0.5, 20.0], "method": peers.OURS, "ms": [1.0, 40.0]})
     joint = pd.DataFrame({"views": [13, 200], "ms": [20.0, 300.0], "opencv_ms": 10.0, "ratio": 3.0})
     joint["rms_difference"] = 0.0
-    genetic = pd.DataFrame({"view": ["paper's view", "left01", "left02"], "ms": 50.0, "de_ms": 25.0, "ratio": [2.0, 1.0, 3.0]})
+    genetic = pd.DataFrame(
+        {"view": ["paper's view", "left01", "left02"], "ms": 50.0, "de_ms": 25.0, "ratio": [2.0, 1.0, 3.0]}
+    )
     genetic = genetic.assign(reached=100.0, de_reached=[100.0, 100.0, 90.0])
     tables = circles, methods, sizes, joint, genetic
     rivals = pd.DataFrame({"method": ["linear only", "GA"], "evaluations": [np.nan, 6060.0], "ms": [1.0, 50.0]})
@@ -202,7 +204,9 @@ def test_optional_group_has_the_peers():
 def test_no_module_but_the_benchmark_knows_the_peers():
     package = environment.CHECKOUT / "pegpose_lab"
     users = {
-        path.parent.name for path in package.rglob("*.py") if "tests" not in path.parts
+        path.parent.name
+        for path in package.rglob("*.py")
+        if "tests" not in path.parts
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.ImportFrom) and "peers" in [alias.name for alias in node.names]
     }

@@ -50,10 +50,14 @@ def test_saved_calibrations_come_back(tmp_path, method):
 @pytest.mark.parametrize(
     "flags",
     [
-        ("trail ", " lead", " ", "", "  "), ("a" * 5000, "b"), ("95 % interval", "100%", "%25", "%", "%%", "50 %ab"),
+        ("trail ", " lead", " ", "", "  "),
+        ("a" * 5000, "b"),
+        ("95 % interval", "100%", "%25", "%", "%%", "50 %ab"),
         ('He said: "no"', '"', "a\\", "'", "it's"),
-        ("line 1\nline 2", "tab\t", "\x00", "\x1b"), ("ünï €", "\udc80"),
-        ("- a", "~", "12", "# no", "%YAML", "[1, 2]", "a: b", "!!x"), (("é %" * 1500), " " * 2500, "%" * 1200),
+        ("line 1\nline 2", "tab\t", "\x00", "\x1b"),
+        ("ünï €", "\udc80"),
+        ("- a", "~", "12", "# no", "%YAML", "[1, 2]", "a: b", "!!x"),
+        (("é %" * 1500), " " * 2500, "%" * 1200),
     ],
 )
 def test_any_flag_comes_back(tmp_path, flags):
@@ -65,13 +69,17 @@ def test_any_flag_comes_back(tmp_path, flags):
 def test_flags_of_files_without_codes_are_read_and_wrong_numbers_of_codes_refused(tmp_path):
     flags = Flag("edge-of-box", "one"), Flag('50 % "x"', "two"), "three"
     Calibration(CAMERA, [paper_pose()], [], flags).save(tmp_path / "camera.yml")
-    assert [flag.code for flag in Calibration.load(tmp_path / "camera.yml").flags] == ["edge-of-box", '50 % "x"', "unknown"]
+    assert [flag.code for flag in Calibration.load(tmp_path / "camera.yml").flags] == [
+        "edge-of-box",
+        '50 % "x"',
+        "unknown",
+    ]
     text = (tmp_path / "camera.yml").read_text()
     begin = text.index("flag_codes:")
     (tmp_path / "old.yml").write_text(text[:begin] + "...\n")
     old = Calibration.load(tmp_path / "old.yml").flags
     assert old == ("one", "two", "three") and {flag.code for flag in old} == {"unknown"}
-    (tmp_path / "bad.yml").write_text(text.replace("   - unknown\n", "").replace("   - \"unknown\"\n", ""))
+    (tmp_path / "bad.yml").write_text(text.replace("   - unknown\n", "").replace('   - "unknown"\n', ""))
     with pytest.raises(ValueError, match=r"bad\.yml"):
         Calibration.load(tmp_path / "bad.yml")
 
@@ -139,8 +147,10 @@ def test_opencv_can_read_a_saved_camera(tmp_path):
 
 @pytest.mark.parametrize("method", ["tsai", "zhang"])
 def test_ros_camera_info_comes_back(tmp_path, method):
-    run = calibrate_tsai(*view(noise=0.1), CAMERA) if method == "tsai" else calibrate_zhang(
-        *five_views(0.1), CAMERA.image_size, coefficients=("k1", "k2", "p1", "p2", "k3")
+    run = (
+        calibrate_tsai(*view(noise=0.1), CAMERA)
+        if method == "tsai"
+        else calibrate_zhang(*five_views(0.1), CAMERA.image_size, coefficients=("k1", "k2", "p1", "p2", "k3"))
     )
     run.save(tmp_path / "camera.yaml", form="ros")
     info = yaml.safe_load((tmp_path / "camera.yaml").read_text())
@@ -206,8 +216,20 @@ def test_damaged_files_are_refused(tmp_path):
     calibrate_joint(*five_views(0.1), CAMERA).save(tmp_path / "good.yml")
     lines = (tmp_path / "good.yml").read_text().splitlines(keepends=True)
     tops = [index for index, line in enumerate(lines) if line[0].isalpha()]
-    required = ("format", "camera_model", "image_width", "image_height", "focal_length", "kappa1", "scale_x",
-                "pixel_pitch", "principal_point", "extrinsic_parameters", "points_per_view", "residuals")
+    required = (
+        "format",
+        "camera_model",
+        "image_width",
+        "image_height",
+        "focal_length",
+        "kappa1",
+        "scale_x",
+        "pixel_pitch",
+        "principal_point",
+        "extrinsic_parameters",
+        "points_per_view",
+        "residuals",
+    )
     for start, end in zip(tops, [*tops[1:], len(lines)], strict=True):
         name = lines[start].split(":")[0]
         for damaged in (lines[:start] + lines[end:], [*lines[:start], f"{name}: nonsense\n", *lines[end:]]):

@@ -45,7 +45,9 @@ def test_the_frame_of_a_plane_gives_it_z_0_and_turns_it_least(place):
     frame = plane_frame(points)
     own = frame.apply(points)
     assert np.abs(own[:, 2]).max() < 1e-11 * np.abs(points).max()
-    assert np.linalg.norm(own - own.mean(axis=0), axis=1) == pytest.approx(np.linalg.norm(BOARD - BOARD.mean(axis=0), axis=1))
+    assert np.linalg.norm(own - own.mean(axis=0), axis=1) == pytest.approx(
+        np.linalg.norm(BOARD - BOARD.mean(axis=0), axis=1)
+    )
     normal = frame.rotation.as_matrix()[2]
     assert frame.rotation.magnitude() == pytest.approx(np.arccos(np.clip(normal[2], -1, 1)), abs=1e-7)
     assert frame.rotation.magnitude() <= np.pi / 2 + 1e-7
@@ -110,7 +112,10 @@ def test_a_plane_may_lie_anywhere(name, place):
 @pytest.mark.parametrize("place", PLACES)
 def test_poses_are_those_of_the_object_s_own_frame(place):
     points, images = PLACES[place].apply(BOARD), views_of([BOARD] * 5, 0.0)
-    for run in (calibrate_joint([points] * 5, images, UNKNOWN), calibrate_zhang([points] * 5, images, CAMERA.image_size)):
+    for run in (
+        calibrate_joint([points] * 5, images, UNKNOWN),
+        calibrate_zhang([points] * 5, images, CAMERA.image_size),
+    ):
         for pose, truth in zip(run.cam_from_object, EXPERIMENT.cam_from_boards, strict=True):
             assert pose.apply(points) == pytest.approx(truth.apply(BOARD), abs=0.02)
 

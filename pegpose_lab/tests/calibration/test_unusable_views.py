@@ -108,11 +108,14 @@ def test_unusable_options_of_many_views_are_named():
         calibrate_tsai(*view(), CAMERA).sigma("focal_length")
 
 
-@pytest.mark.parametrize("calibrate", [
-    lambda boards, images: calibrate_joint(boards, images, CAMERA),
-    lambda boards, images: calibrate_zhang(boards, images, CAMERA.image_size),
-    lambda boards, images: calibrate_tsai(boards[0], images[0], CAMERA),
-])
+@pytest.mark.parametrize(
+    "calibrate",
+    [
+        lambda boards, images: calibrate_joint(boards, images, CAMERA),
+        lambda boards, images: calibrate_zhang(boards, images, CAMERA.image_size),
+        lambda boards, images: calibrate_tsai(boards[0], images[0], CAMERA),
+    ],
+)
 def test_rows_and_columns_mixed_up_are_told(calibrate):
     boards, images = five_views(0.1)
     with pytest.raises(CalibrationError, match="order of object_points.*columns and rows"):
@@ -138,9 +141,14 @@ def test_a_wrong_image_size_is_told():
     assert calibrate_joint(boards, images, replace(CAMERA, image_size=(1, 1))).flags[1:] == ()
 
 
-@pytest.mark.parametrize("options", [
-    {}, {"loss": "huber"}, {"coefficients": ("k1", "k2", "p1", "p2", "k3"), "focal": "two"},
-])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"loss": "huber"},
+        {"coefficients": ("k1", "k2", "p1", "p2", "k3"), "focal": "two"},
+    ],
+)
 def test_folded_lenses_raise_no_linalgerror(options):
     """k1 = -0.4 at f = 500 px folds the image at 0.9 focal lengths from its centre; boards reach beyond."""
     camera, answered = OpenCVCamera([[500, 0, 799.5], [0, 500, 599.5], [0, 0, 1]], [-0.4, 0, 0, 0], (1600, 1200)), 0

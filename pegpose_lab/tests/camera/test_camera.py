@@ -21,7 +21,9 @@ POSE = RigidTransform.from_components([10.0, -20.0, 400.0], Rotation.from_euler(
 
 def pixel_grid(camera, step=25):
     width, height = camera.image_size
-    x, y = np.meshgrid(np.append(np.arange(0, width, step), width - 1), np.append(np.arange(0, height, step), height - 1))
+    x, y = np.meshgrid(
+        np.append(np.arange(0, width, step), width - 1), np.append(np.arange(0, height, step), height - 1)
+    )
     return np.column_stack([x.ravel(), y.ravel()]).astype(float)
 
 
@@ -43,7 +45,9 @@ def test_a_scaled_camera_has_the_same_picture_in_other_pixels(camera, scale):
     scaled, points = camera.scaled(scale), np.array([[0.0, 0, 0], [20, -15, 3], [-30, 25, 9]])
     expected = scale * (camera.project(points, POSE) + 0.5) - 0.5
     assert scaled.project(points, POSE) == pytest.approx(expected, abs=1e-9)
-    assert type(scaled) is type(camera) and scaled.image_size == tuple(round(scale * side) for side in camera.image_size)
+    assert type(scaled) is type(camera) and scaled.image_size == tuple(
+        round(scale * side) for side in camera.image_size
+    )
 
 
 @pytest.mark.parametrize("kappa1", [1.097e-5, 0.0, 1e-12, -1e-12, 1e-3, -2e-4, 0.3])
@@ -118,9 +122,9 @@ def test_opencv_camera_is_opencv():
     matrix = np.array([[600.0, 0, 310], [0, 590, 250], [0, 0, 1]])
     coefficients = np.array([-0.3, 0.1, 0.002, -0.001, 0.05])
     points = np.random.default_rng(3).uniform(-80, 80, (50, 3))
-    expected = cv2.projectPoints(
-        points, POSE.rotation.as_rotvec(), POSE.translation, matrix, coefficients
-    )[0].reshape(-1, 2)
+    expected = cv2.projectPoints(points, POSE.rotation.as_rotvec(), POSE.translation, matrix, coefficients)[0].reshape(
+        -1, 2
+    )
     camera = OpenCVCamera(matrix, coefficients, (640, 480))
     assert camera.project(points, POSE) == pytest.approx(expected, abs=1e-9)
     normalized = camera.to_normalized(expected)
@@ -128,13 +132,17 @@ def test_opencv_camera_is_opencv():
 
 
 def test_opencv_camera_inverts_strong_distortion_where_a_fixed_point_fails():
-    camera = OpenCVCamera(np.diag([500.0, 500, 1]) + [[0, 0, 320], [0, 0, 240], [0, 0, 0]], [0.9, 0.5, 0, 0, 0], (640, 480))
+    camera = OpenCVCamera(
+        np.diag([500.0, 500, 1]) + [[0, 0, 320], [0, 0, 240], [0, 0, 0]], [0.9, 0.5, 0, 0, 0], (640, 480)
+    )
     directions = np.array([[0.9, 0.6], [-0.8, 0.7], [0.1, -0.9]])
     assert camera.to_normalized(camera.from_normalized(directions)) == pytest.approx(directions, abs=1e-9)
 
 
 def test_opencv_camera_refuses_pixels_without_a_preimage():
-    camera = OpenCVCamera(np.diag([500.0, 500, 1]) + [[0, 0, 320], [0, 0, 240], [0, 0, 0]], [-0.5, 0, 0, 0, 0], (640, 480))
+    camera = OpenCVCamera(
+        np.diag([500.0, 500, 1]) + [[0, 0, 320], [0, 0, 240], [0, 0, 0]], [-0.5, 0, 0, 0, 0], (640, 480)
+    )
     with pytest.raises(ValueError, match="cannot be inverted"):
         camera.to_normalized([[5000.0, 240.0]])
 
@@ -183,7 +191,11 @@ def test_a_folding_picture_has_no_opencv_model():
 
 @pytest.mark.parametrize(
     "matrix, coefficients, name",
-    [(np.eye(2), [0] * 5, "camera_matrix"), (-np.eye(3), [0] * 5, "camera_matrix"), (np.eye(3), [0] * 3, "dist_coeffs")],
+    [
+        (np.eye(2), [0] * 5, "camera_matrix"),
+        (-np.eye(3), [0] * 5, "camera_matrix"),
+        (np.eye(3), [0] * 3, "dist_coeffs"),
+    ],
 )
 def test_bad_opencv_cameras_are_named(matrix, coefficients, name):
     with pytest.raises(ValueError, match=name):

@@ -9,7 +9,15 @@ from pegpose_lab.tests.pictures import draw_ellipses, to_uint8
 
 
 def test_multiscale_finds_every_octave_and_concentric_circles():
-    truth = [(150, 150, 120), (150, 150, 50), (150, 150, 20), (330, 60, 9), (330, 200, 30), (60, 330, 5), (300, 330, 14)]
+    truth = [
+        (150, 150, 120),
+        (150, 150, 50),
+        (150, 150, 20),
+        (330, 60, 9),
+        (330, 200, 30),
+        (60, 330, 5),
+        (300, 330, 14),
+    ]
     picture = np.full((380, 400), 60.0)
     for x, y, r in truth:
         picture += draw_ellipses(picture.shape, [(x, y, r, r, 0)], background=0, level=40)
@@ -39,7 +47,9 @@ def test_multiscale_finds_a_disc_of_any_contrast_above_six_grey_values(blur):
     for seed in range(6):
         rng = np.random.default_rng(seed)
         center, radius, ground = 60 + rng.uniform(-2, 2, 2), rng.uniform(20, 30), 100 + rng.random()
-        picture = draw_ellipses((120, 120), [(*center, radius, radius, 0)], background=ground, level=ground + 6.5, blur=blur)
+        picture = draw_ellipses(
+            (120, 120), [(*center, radius, radius, 0)], background=ground, level=ground + 6.5, blur=blur
+        )
         assert len(find_circles(to_uint8(picture, 0.5, rng), (15, 35))) == 1
 
 

@@ -31,8 +31,24 @@ def _assert_found(found, center, radius, radius_range):
 @pytest.mark.parametrize("method", DETECTION_METHODS)
 @pytest.mark.parametrize(
     "radius_range",
-    [(40, 48), (42, 46), (39, 48), (44, 45), (44.2, 44.6), (44, 44), (80, 96), (88, 88), (20, 24), (22, 22), (10, 12),
-     (10.5, 11.5), (11, 11), (11, 12), (5, 6), (6, 6)],
+    [
+        (40, 48),
+        (42, 46),
+        (39, 48),
+        (44, 45),
+        (44.2, 44.6),
+        (44, 44),
+        (80, 96),
+        (88, 88),
+        (20, 24),
+        (22, 22),
+        (10, 12),
+        (10.5, 11.5),
+        (11, 11),
+        (11, 12),
+        (5, 6),
+        (6, 6),
+    ],
 )
 def test_every_narrow_range_works(radius_range, method, polarity):
     middle = float(np.mean(radius_range))

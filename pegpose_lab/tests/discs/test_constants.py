@@ -72,9 +72,7 @@ def _partly_hidden():
     return to_uint8(picture, 5, rng), _near(truth, rng)
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "case"), [("MAX_RINGS", 1, _far_starts), ("UNEVEN", 1e3, _partly_hidden)]
-)
+@pytest.mark.parametrize(("name", "value", "case"), [("MAX_RINGS", 1, _far_starts), ("UNEVEN", 1e3, _partly_hidden)])
 def test_what_a_constant_is_for(name, value, case):
     """Without a second ring far starts do not converge; levels that change freely around the disc fit what hides it."""
     image, circles = case()

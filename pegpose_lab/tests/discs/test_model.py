@@ -78,7 +78,11 @@ def test_fast_rows_equal_the_literal_model(m, angle, log_s, r, shift):
     y = np.rint(90 + r * beyond * np.sin(t)).ravel()
     ones = np.ones((1, len(x)), np.float32)
     pixels = ring._Pixels(
-        np.array([[100.0, 90.0]]), (x[None] - 100).astype(np.float32), (y[None] - 90).astype(np.float32), ones, ones,
+        np.array([[100.0, 90.0]]),
+        (x[None] - 100).astype(np.float32),
+        (y[None] - 90).astype(np.float32),
+        ones,
+        ones,
         np.zeros(1),
     )
     fast = model._ingredients(pixels, ellipse, np.array([log_s]), extra=2)[0]

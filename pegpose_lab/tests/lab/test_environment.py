@@ -38,7 +38,9 @@ def test_a_checkout_of_any_name_is_importable_in_every_locale(checkout, name, lo
     environment._write_path_file()
     (path_file,) = environment.VENV.rglob("pegpose_lab.pth")
     assert path_file.read_bytes().isascii()
-    code = "import os, pegpose_lab; print(pegpose_lab.there, ascii(os.fsencode(os.path.realpath(pegpose_lab.__file__))))"
+    code = (
+        "import os, pegpose_lab; print(pegpose_lab.there, ascii(os.fsencode(os.path.realpath(pegpose_lab.__file__))))"
+    )
     variables = {key: value for key, value in os.environ.items() if key not in ("PYTHONPATH", "PYTHONUTF8", "LANG")}
     for utf8 in "01":  # Python's UTF-8 mode hides what the locale does
         run = subprocess.run(
@@ -60,7 +62,8 @@ def test_the_stamp_is_the_same_in_every_locale(checkout, tmp_path):
     project = Path(environment.__file__).parents[2]
     stamps = {
         subprocess.check_output(
-            [sys.executable, "-c", code, os.fsencode(folder).hex()], cwd=project,
+            [sys.executable, "-c", code, os.fsencode(folder).hex()],
+            cwd=project,
             env={**os.environ, "LC_ALL": locale, "PYTHONUTF8": "0"},
         )  # fmt: skip
         for locale in ("C", "C.UTF-8", "en_US.ISO-8859-1")
@@ -105,7 +108,9 @@ def test_a_read_only_folder_is_told_in_one_sentence(checkout):
 
 def test_set_up_says_what_it_is_about_to_do(checkout, monkeypatch, capsys):
     folder = checkout("lab")
-    (folder / "environment.txt").write_text("# from\nnumpy==2.4.6\n    # via x\ncolorama==0.4 ; sys_platform == 'win32'\n")
+    (folder / "environment.txt").write_text(
+        "# from\nnumpy==2.4.6\n    # via x\ncolorama==0.4 ; sys_platform == 'win32'\n"
+    )
     monkeypatch.setattr(environment.shutil, "which", lambda _: None)
     environment._announce()
     told = capsys.readouterr().out

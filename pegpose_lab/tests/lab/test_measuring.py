@@ -52,7 +52,9 @@ def made(monkeypatch):
     """Measurements that only say that they were made: of photographs that are not there, and of none."""
     names = []
     monkeypatch.delenv("PEGPOSE_DATA", raising=False)
-    lines = {name: Measurement(name, (), "1 s", sets) for name, sets in {"seen": ("visp-mire2-a",), "drawn": ()}.items()}
+    lines = {
+        name: Measurement(name, (), "1 s", sets) for name, sets in {"seen": ("visp-mire2-a",), "drawn": ()}.items()
+    }
     monkeypatch.setattr(measuring, "MEASUREMENTS", lines)
     monkeypatch.setattr(measuring, "_function", lambda name: lambda folder: names.append((name, folder)))
     return names

@@ -200,7 +200,7 @@ def test_circles(count, axes):
 def test_ellipses(axes):
     centers, semi_axes, angles = np.array([[10.0, 20.0]]), np.array([[8.0, 5.0]]), np.array([0.3])
     plotting.plot_ellipses(axes, centers, semi_axes, angles)
-    ellipse, = (patch for patch in axes.patches if isinstance(patch, Ellipse))
+    (ellipse,) = (patch for patch in axes.patches if isinstance(patch, Ellipse))
     drawn = (*ellipse.center, ellipse.width, ellipse.height, ellipse.angle)
     assert_allclose(drawn, (10, 20, 16, 10, np.rad2deg(0.3)))
     tip = ellipse.get_patch_transform().transform([(1.0, 0.0)])[0]
@@ -210,7 +210,7 @@ def test_ellipses(axes):
 def test_residuals(axes):
     points, residuals = np.array([[10.0, 20], [30, 40]]), np.array([[0.01, 0.02], [-0.03, 0.04]])
     plotting.plot_residuals(axes, points, residuals, scale=100.0, image_size=(160, 120))
-    arrows, = axes.collections
+    (arrows,) = axes.collections
     assert_allclose(arrows.XY, points)
     assert_allclose(np.column_stack([arrows.U, arrows.V]), residuals)
     assert arrows.scale == pytest.approx(1 / 100.0) and arrows.angles == arrows.scale_units == "xy"
@@ -239,7 +239,7 @@ def test_error_histogram(axes):
     distances = np.array([0.01, 0.02, 0.02, 0.05])
     plotting.plot_error_histogram(axes, distances, limit=0.03, label="genetic")
     assert sum(patch.get_height() for patch in axes.patches) == 4
-    label, = axes.get_legend_handles_labels()[1]
+    (label,) = axes.get_legend_handles_labels()[1]
     assert label == "genetic: 75 % below 0.03 px"
     assert axes.lines[0].get_xdata()[0] == 0.03
 
@@ -285,11 +285,9 @@ def test_quadrilateral(axes):
 
 
 def test_block_means(axes):
-    table = pd.DataFrame(
-        {"first_frame": [1, 11], "last_frame": [10, 35], "mean_mm": [0.5, -0.2], "sd_mm": [0.4, 0.5]}
-    )
+    table = pd.DataFrame({"first_frame": [1, 11], "last_frame": [10, 35], "mean_mm": [0.5, -0.2], "sd_mm": [0.4, 0.5]})
     plotting.plot_block_means(axes, table)
-    container, = axes.containers
+    (container,) = axes.containers
     assert_allclose(container.lines[0].get_xydata(), [[5.5, 0.5], [23, -0.2]])
     across, along = (np.array(bars.get_segments()) for bars in container.lines[2])
     assert_allclose(across[:, 1, 0] - across[:, 0, 0], [9, 24])

@@ -148,9 +148,7 @@ def test_missing_lock_is_named(steps):
 def test_python_without_venv_is_told_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setattr(environment, "VENV", tmp_path / ".venv")
     monkeypatch.setattr(shutil, "which", lambda _: None)
-    monkeypatch.setattr(
-        environment.importlib.util, "find_spec", lambda name: None if name == "ensurepip" else object()
-    )
+    monkeypatch.setattr(environment.importlib.util, "find_spec", lambda name: None if name == "ensurepip" else object())
     with pytest.raises(installers.SetUpError, match=r"sudo apt install python3\.\d+-venv"):
         environment._make_venv()
 

@@ -69,8 +69,17 @@ def test_children_are_the_controls_over_the_picture_and_its_text(explorer):
 
 def test_every_control_changes_the_picture(explorer):
     changes = {
-        "automatic": False, "threshold": 55, "min_area": 900, "radius_range": (17, 40), "sensitivity": 0.7,
-        "method": "phase-code", "population": 20, "alpha": 0.2, "seed": 7, "generation": 12, "angle": -120.0,
+        "automatic": False,
+        "threshold": 55,
+        "min_area": 900,
+        "radius_range": (17, 40),
+        "sensitivity": 0.7,
+        "method": "phase-code",
+        "population": 20,
+        "alpha": 0.2,
+        "seed": 7,
+        "generation": 12,
+        "angle": -120.0,
         "shift": 8.0,
     }
     for name, control in explorer.controls.items():
@@ -134,8 +143,7 @@ def test_other_errors_are_not_hidden():
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        Explorer("trial", lambda level: np.zeros((9, 9, 3), np.uint8), draw,
-                         {"level": circles.ipywidgets.IntSlider()})
+        Explorer("trial", lambda level: np.zeros((9, 9, 3), np.uint8), draw, {"level": circles.ipywidgets.IntSlider()})
 
 
 def test_constant_picture_is_an_error_text():

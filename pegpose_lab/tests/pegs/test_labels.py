@@ -25,7 +25,9 @@ def test_of_two_screws_equally_far_left_the_upper_is_the_first():
     circles = SimpleNamespace(centers=np.zeros((4, 2)), radii=np.ones(4))
     for last_digit in (-1e-12, 0.0, 1e-12):
         upper, lower = np.array([[50.0, 20.0, 5.0], [50.0, 80.0, 5.0]]) + [[last_digit, 0, 0], [0, 0, 0]]
-        labellings = [SimpleNamespace(pegs=np.arange(4), screws=np.array(pair)) for pair in ((upper, lower), (lower, upper))]
+        labellings = [
+            SimpleNamespace(pegs=np.arange(4), screws=np.array(pair)) for pair in ((upper, lower), (lower, upper))
+        ]
         for order in (labellings, labellings[::-1]):
             assert _choose(order, circles, None).screws[0, 1] == 20.0
 

@@ -65,16 +65,11 @@ def test_an_affine_ring_is_a_ring(n, turn, tilt, size):
     """The Fourier test finds size, turn and tilt of any affine image of a regular polygon, and no other ring."""
     hub = Hub(n_pegs=n, peg_radius=5.0)
     matrix = (
-        size
-        / 48.5
-        * np.array([[1, 0], [0, np.cos(tilt)]])
-        @ Rotation.from_rotvec([0, 0, turn]).as_matrix()[:2, :2]
+        size / 48.5 * np.array([[1, 0], [0, np.cos(tilt)]]) @ Rotation.from_rotvec([0, 0, turn]).as_matrix()[:2, :2]
     )
     centers = np.vstack([hub.peg_centers[:, :2] @ matrix.T, [0, 0]])
     scale = np.sqrt(np.linalg.det(matrix))
-    circles = SimpleNamespace(
-        centers=centers, radii=np.append(np.full(n, 5 * scale), hub.bore_radius * scale * 0.95)
-    )
+    circles = SimpleNamespace(centers=centers, radii=np.append(np.full(n, 5 * scale), hub.bore_radius * scale * 0.95))
     shuffled = np.random.default_rng(n).permutation(n)
     ring = _rings_around(circles, n, shuffled[None], hub)[0]
     np.testing.assert_array_equal(np.sort(ring.pegs), np.arange(n))

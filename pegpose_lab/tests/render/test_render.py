@@ -125,7 +125,9 @@ def test_scene_options_change_what_they_name():
     assert 20 < (shiny - plain).max() <= 80 and (shiny - plain).min() >= 0
     littered = render_hub(CAMERA, TILTED, hub, noise=0, clutter=60, rng=1).astype(int)
     top = CAMERA.project(hub.peg_centers, TILTED).round().astype(int)
-    assert np.count_nonzero(littered != plain) > 500 and np.all(littered[top[:, 1], top[:, 0]] == plain[top[:, 1], top[:, 0]])
+    assert np.count_nonzero(littered != plain) > 500 and np.all(
+        littered[top[:, 1], top[:, 0]] == plain[top[:, 1], top[:, 0]]
+    )
     covered = render_hub(CAMERA, TILTED, hub, noise=0, occlusion=0.6, rng=1).astype(int)
     assert covered[top[0, 1], top[0, 0]] == 31 and covered[top[1, 1], top[1, 0]] == plain[top[1, 1], top[1, 0]]
 
@@ -137,10 +139,23 @@ def test_opencv_cameras_render_the_same_picture():
     assert np.abs(ours - opencv).max() <= 1
 
 
-@pytest.mark.parametrize("change", [
-    {"blur": -1}, {"noise": np.nan}, {"clutter": -5}, {"clutter": 2.5}, {"clutter": "3"}, {"clutter": True},
-    {"highlights": -1}, {"occlusion": 2}, {"rays": 35}, {"rays": "34"}, {"rays": None}, {"blur": "1"},
-])
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"blur": -1},
+        {"noise": np.nan},
+        {"clutter": -5},
+        {"clutter": 2.5},
+        {"clutter": "3"},
+        {"clutter": True},
+        {"highlights": -1},
+        {"occlusion": 2},
+        {"rays": 35},
+        {"rays": "34"},
+        {"rays": None},
+        {"blur": "1"},
+    ],
+)
 def test_bad_options_are_named(change):
     with pytest.raises(ValueError, match=next(iter(change))):
         render_hub(CAMERA, TILTED, Hub(), **change)

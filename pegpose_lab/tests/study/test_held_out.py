@@ -81,7 +81,9 @@ def test_radial_profile_is_flat_for_the_right_model_and_bent_for_a_wrong_one():
         radial_profile(joint(points, images), images[:3])
 
 
-@pytest.mark.parametrize("calibrate", [joint, lambda *both: calibrate_zhang(*both, CAMERA.image_size, coefficients=("k1",))])
+@pytest.mark.parametrize(
+    "calibrate", [joint, lambda *both: calibrate_zhang(*both, CAMERA.image_size, coefficients=("k1",))]
+)
 def test_sensitivity_compares_detectors_in_sigmas(calibrate):
     points, images = views(0.1)
     shifted = [corners + (0.5, 0.0) for corners in images]

@@ -19,13 +19,21 @@ def test_counts_of_real_pictures():
     total = table.groupby("dataset")[["known", "found", "false"]].sum()
     pictures = table.groupby("dataset").size()
     assert pictures.to_dict() == {
-        "visp-mire2-a": 12, "visp-grid36-a": 2, "skimage-coins": 1, "conrods-a": 8, "screws4-a": 12,
+        "visp-mire2-a": 12,
+        "visp-grid36-a": 2,
+        "skimage-coins": 1,
+        "conrods-a": 8,
+        "screws4-a": 12,
         "opencv-samples": 2,
     }
     for name in ("visp-mire2-a", "visp-grid36-a", "skimage-coins", "conrods-a"):
         assert total.loc[name, "found"] == total.loc[name, "known"]
     assert total["known"].to_dict() == {
-        "visp-mire2-a": 60, "visp-grid36-a": 72, "skimage-coins": 24, "conrods-a": 28, "screws4-a": 27,
+        "visp-mire2-a": 60,
+        "visp-grid36-a": 72,
+        "skimage-coins": 24,
+        "conrods-a": 28,
+        "screws4-a": 27,
         "opencv-samples": 36,
     }
     assert (total.drop(["visp-mire2-a", "screws4-a"])["false"] == 0).all()
@@ -74,8 +82,12 @@ def test_every_missed_disc_says_why():
 @pytest.mark.parametrize(
     "default, highest, alone, alone_highest, why",
     [
-        (3, None, None, None, "off"), (None, 0, 0, 0, "shared"), (None, 0, None, 0, "score"),
-        (None, None, None, 0, "shared"), (None, 3, None, 3, "no candidate"), (None,) * 4 + ("no candidate",),
+        (3, None, None, None, "off"),
+        (None, 0, 0, 0, "shared"),
+        (None, 0, None, 0, "score"),
+        (None, None, None, 0, "shared"),
+        (None, 3, None, 3, "no candidate"),
+        (None,) * 4 + ("no candidate",),
     ],
 )
 def test_why_a_disc_is_missed(monkeypatch, default, highest, alone, alone_highest, why):

@@ -150,7 +150,9 @@ def test_rendered_trials_leave_the_noise_of_their_corners():
     table = load_rendered_trials()
     assert len(table) == 200 and (table["corners"] == "rendered").all()
     assert (table["status"] == "").all()
-    flagged = table.loc[table["flags"] != "", "flags"]  # the model is the right one: only the misfit test's false alarms
+    flagged = table.loc[
+        table["flags"] != "", "flags"
+    ]  # the model is the right one: only the misfit test's false alarms
     assert flagged.str.startswith("The points do not fit this model").all()
     assert len(flagged) <= stats.binom.ppf(0.999, len(table), misfit.LEVEL)
     floor = table["rms"] / table["expected_rms"]
@@ -173,10 +175,18 @@ def test_a_board_that_is_not_found_is_a_row_with_its_reason(monkeypatch):
 @pytest.mark.parametrize(
     "options, named",
     [
-        ({"noises": (-1,)}, "noises"), ({"tilts": (80,)}, "tilts"), ({"views": (0,)}, "views"),
-        ({"methods": ("magic",)}, "methods"), ({"trials": 0}, "trials"), ({"corners": "drawn"}, "corners"),
-        ({"views": (2.5,)}, "views.*whole"), ({"trials": 2.5}, "trials.*whole"), ({"seed": 0.5}, "seed.*whole"),
-        ({"seed": -1}, "seed"), ({"noises": 0.1}, "noises.*sequence"), ({"methods": "joint"}, "methods.*sequence"),
+        ({"noises": (-1,)}, "noises"),
+        ({"tilts": (80,)}, "tilts"),
+        ({"views": (0,)}, "views"),
+        ({"methods": ("magic",)}, "methods"),
+        ({"trials": 0}, "trials"),
+        ({"corners": "drawn"}, "corners"),
+        ({"views": (2.5,)}, "views.*whole"),
+        ({"trials": 2.5}, "trials.*whole"),
+        ({"seed": 0.5}, "seed.*whole"),
+        ({"seed": -1}, "seed"),
+        ({"noises": 0.1}, "noises.*sequence"),
+        ({"methods": "joint"}, "methods.*sequence"),
         ({"tilts": ()}, "tilts.*at least one"),
     ],
 )

@@ -54,7 +54,10 @@ def test_stage_1_is_run_only_where_a_method_starts_from_it(monkeypatch):
     calls = []
     monkeypatch.setattr(baselines, "calibrate_tsai", lambda *view: calls.append(1) or calibrate_tsai(*view))
     for name, times in (
-        ("direct linear transform", 0), ("least squares of one view", 0), (baselines.GENETIC, 0), ("linear only", 1),
+        ("direct linear transform", 0),
+        ("least squares of one view", 0),
+        (baselines.GENETIC, 0),
+        ("linear only", 1),
         (baselines.DIFFERENTIAL_EVOLUTION, 1),
     ):
         calls.clear()
@@ -107,10 +110,17 @@ def test_success_table_is_current():
 
 
 def test_written_table_is_read_back(tmp_path, monkeypatch):
-    rows = pd.DataFrame({
-        "view": ["v"], "variant": ["a, b"], "optimum": [0.1], "seeds": [2], "reached": [1], "median_excess": [0.0],
-        "worst_excess": [0.25],
-    })
+    rows = pd.DataFrame(
+        {
+            "view": ["v"],
+            "variant": ["a, b"],
+            "optimum": [0.1],
+            "seeds": [2],
+            "reached": [1],
+            "median_excess": [0.0],
+            "worst_excess": [0.25],
+        }
+    )
     monkeypatch.setattr(ga_success, "success_rates", lambda: rows)
     ga_success.write_success(tmp_path)
     pd.testing.assert_frame_equal(load_measured("ga_success", tmp_path), rows)

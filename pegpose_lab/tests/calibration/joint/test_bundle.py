@@ -25,9 +25,15 @@ def test_derivatives_are_exact(two, coefficients):
         change = np.zeros(k + 6)
         change[column] = step
         moved = [
-            evaluate(model, views, state.moved(
-                sign * change[:k], np.tile(sign * change[k : k + 3], (5, 1)), np.tile(sign * change[k + 3 :], (5, 1))
-            ))[0]
+            evaluate(
+                model,
+                views,
+                state.moved(
+                    sign * change[:k],
+                    np.tile(sign * change[k : k + 3], (5, 1)),
+                    np.tile(sign * change[k + 3 :], (5, 1)),
+                ),
+            )[0]
             for sign in (1, -1)
         ]
         numeric = (moved[0] - moved[1]) / (2 * step)

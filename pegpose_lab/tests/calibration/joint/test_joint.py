@@ -34,8 +34,10 @@ def test_sigmas_of_the_origins_are_honest():
 
 
 CONFIGURATIONS = {
-    "default_5": {"coefficients": COEFFICIENTS}, "k1k2p1p2": {"coefficients": ("k1", "k2", "p1", "p2")},
-    "k1k2": {"coefficients": ("k1", "k2")}, "k1_ppfree": {"coefficients": ("k1",)},
+    "default_5": {"coefficients": COEFFICIENTS},
+    "k1k2p1p2": {"coefficients": ("k1", "k2", "p1", "p2")},
+    "k1k2": {"coefficients": ("k1", "k2")},
+    "k1_ppfree": {"coefficients": ("k1",)},
     "k1_ppfree_fxeqfy": {"coefficients": ("k1",), "focal": "one"},
     "k1_ppfixed": {"coefficients": ("k1",), "principal_point": "fixed"},
     "k1_ppfixed_fxeqfy": {"coefficients": ("k1",), "focal": "one", "principal_point": "fixed"},
@@ -149,8 +151,11 @@ def test_direct_linear_transform_is_exact_without_distortion():
 @pytest.mark.parametrize(
     "options, named",
     [
-        ({"focal": "three"}, "focal"), ({"loss": "l1"}, "loss"), ({"coefficients": ("k9",)}, "coefficients"),
-        ({"coefficients": ("k1", "k1")}, "coefficients"), ({"principal_point": "middle"}, "principal_point"),
+        ({"focal": "three"}, "focal"),
+        ({"loss": "l1"}, "loss"),
+        ({"coefficients": ("k9",)}, "coefficients"),
+        ({"coefficients": ("k1", "k1")}, "coefficients"),
+        ({"principal_point": "middle"}, "principal_point"),
         ({"coefficients": 3}, "coefficients"),
     ],
 )

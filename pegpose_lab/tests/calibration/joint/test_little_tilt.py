@@ -8,8 +8,12 @@ from pegpose_lab.study import trial_poses
 from pegpose_lab.tests.calibration.joint.boards import BOARD, CAMERA, EXPERIMENT, little_tilted, outcome
 
 OPTIONS = {
-    "default": {}, "fixed": {"principal_point": "fixed"}, "k1k2": {"coefficients": ("k1", "k2")},
-    "two": {"focal": "two"}, "two_k1k2": {"focal": "two", "coefficients": ("k1", "k2")}, "huber": {"loss": "huber"},
+    "default": {},
+    "fixed": {"principal_point": "fixed"},
+    "k1k2": {"coefficients": ("k1", "k2")},
+    "two": {"focal": "two"},
+    "two_k1k2": {"focal": "two", "coefficients": ("k1", "k2")},
+    "huber": {"loss": "huber"},
 }
 
 
@@ -33,7 +37,9 @@ def test_well_tilted_boards_are_neither_refused_nor_flagged(name):
 @pytest.mark.parametrize(
     "options, number, tilt, noise",
     [
-        ({}, 30, 0.3, 0.5), ({}, 3, 0.5, 0.5), ({"focal": "two"}, 30, 0.3, 0.1),
+        ({}, 30, 0.3, 0.5),
+        ({}, 3, 0.5, 0.5),
+        ({"focal": "two"}, 30, 0.3, 0.1),
         ({"focal": "two", "coefficients": ("k1", "k2")}, 20, 0.5, 0.1),
     ],
 )

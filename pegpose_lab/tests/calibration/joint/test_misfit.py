@@ -52,12 +52,15 @@ def of_misfit(flags):
     return [flag for flag in flags if flag.code.startswith("misfit")]
 
 
-@pytest.mark.parametrize("name, camera_of, calibrate", [
-    ("Eq. 3", tsai, lambda boards, images: calibrate_joint(boards, images, START)),
-    ("Eq. 3, huber", tsai, lambda boards, images: calibrate_joint(boards, images, START, loss="huber")),
-    ("k1, k2", opencv, lambda boards, images: calibrate_joint(boards, images, START, **OPENCV)),
-    ("Zhang", opencv, lambda boards, images: calibrate_zhang(boards, images, SIZE)),
-])
+@pytest.mark.parametrize(
+    "name, camera_of, calibrate",
+    [
+        ("Eq. 3", tsai, lambda boards, images: calibrate_joint(boards, images, START)),
+        ("Eq. 3, huber", tsai, lambda boards, images: calibrate_joint(boards, images, START, loss="huber")),
+        ("k1, k2", opencv, lambda boards, images: calibrate_joint(boards, images, START, **OPENCV)),
+        ("Zhang", opencv, lambda boards, images: calibrate_zhang(boards, images, SIZE)),
+    ],
+)
 def test_false_alarms_are_rare(name, camera_of, calibrate):
     """2 % at most by design (`LEVEL` for the lens, and for the views); of 60 sets no more than 4 (chance 0.6 %)."""
     flagged = 0
@@ -100,13 +103,16 @@ def test_the_sentence_tells_the_better_model_s_f():
     assert float(re.search(r"F = ([\d.]+)\)", flag)[1]) == pytest.approx(statistic, rel=0.01)
 
 
-@pytest.mark.parametrize("options, coefficients, aspect, words", [
-    ({**OPENCV, "focal": "two"}, (-0.1, 0.05, 3e-3, -3e-3), 1, "distortion by k1, k2, p1, p2"),
-    (OPENCV, (-0.1, 0.05, 0, 0), 1.01, "f_x and f_y apart"),
-    ({**OPENCV, "principal_point": "fixed"}, (-0.1, 0.05, 0, 0), 1, "a free principal point"),
-    ({"coefficients": ()}, (-0.1, 0, 0, 0), 1, "distortion by k1"),
-    ({}, (-0.1, 0.3, 0, 0), 1, "distortion by k1, k2"),
-])
+@pytest.mark.parametrize(
+    "options, coefficients, aspect, words",
+    [
+        ({**OPENCV, "focal": "two"}, (-0.1, 0.05, 3e-3, -3e-3), 1, "distortion by k1, k2, p1, p2"),
+        (OPENCV, (-0.1, 0.05, 0, 0), 1.01, "f_x and f_y apart"),
+        ({**OPENCV, "principal_point": "fixed"}, (-0.1, 0.05, 0, 0), 1, "a free principal point"),
+        ({"coefficients": ()}, (-0.1, 0, 0, 0), 1, "distortion by k1"),
+        ({}, (-0.1, 0.3, 0, 0), 1, "distortion by k1, k2"),
+    ],
+)
 def test_each_kind_of_misfit_is_named(options, coefficients, aspect, words):
     rng = np.random.default_rng(0)
     camera = OpenCVCamera([[900, 0, 840], [0, 900 * aspect, 580], [0, 0, 1]], coefficients, SIZE)
@@ -129,10 +135,13 @@ def test_a_radial_pattern_beyond_all_models_is_told():
     assert "with a radial pattern that none of the models here has" in flag
 
 
-@pytest.mark.parametrize("calibrate", [
-    lambda boards, images: calibrate_joint(boards, images, START),
-    lambda boards, images: calibrate_zhang(boards, images, SIZE),
-])
+@pytest.mark.parametrize(
+    "calibrate",
+    [
+        lambda boards, images: calibrate_joint(boards, images, START),
+        lambda boards, images: calibrate_zhang(boards, images, SIZE),
+    ],
+)
 def test_views_at_another_resolution_are_named(calibrate):
     _, images = trial(4, lambda rng: replace(tsai(rng), kappa1=0.0), (0.1,), (9, 10))
     for view in (1, 4):

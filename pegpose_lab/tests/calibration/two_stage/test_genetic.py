@@ -62,8 +62,14 @@ def test_the_best_is_never_lost_and_the_same_seed_gives_the_same_run():
 
 def test_defaults_are_the_papers_and_the_stated_ones():
     stated = dict(
-        population_size=60, generations=100, initialisation="uniform", crossover="corrected", alpha=0.75,
-        mutation="corrected", mutation_index=10.0, mutation_rate=0.05,
+        population_size=60,
+        generations=100,
+        initialisation="uniform",
+        crossover="corrected",
+        alpha=0.75,
+        mutation="corrected",
+        mutation_index=10.0,
+        mutation_rate=0.05,
     )
     default, explicit = (
         minimize_genetic(sphere, [(-2, 3), (10, 50)], rng=1, **options).history for options in ({}, stated)
@@ -84,8 +90,13 @@ def test_eq_4_without_mutation_never_moves():
 
 def test_printed_operators_are_clipped_to_the_box():
     result = minimize_genetic(
-        sphere, [(-2, 3), (10, 50)], crossover="printed", mutation="printed", mutation_rate=0.5,
-        keep_populations=True, rng=1,
+        sphere,
+        [(-2, 3), (10, 50)],
+        crossover="printed",
+        mutation="printed",
+        mutation_rate=0.5,
+        keep_populations=True,
+        rng=1,
     )
     assert np.all((result.populations >= LOWER) & (result.populations <= UPPER))
 
@@ -127,13 +138,23 @@ def test_runs_side_by_side_are_those_one_after_the_other(options):
     centres, bounds = np.array([[0.5, 20.0], [1.0, 30.0], [-1.0, 45.0]]), np.array([(-2, 3), (10, 50)])
     initial = np.array([[0.0, 15.0], [0.1, 25.0], [0.2, 35.0]])
     many = repeat_genetic(
-        lambda population: np.sum((population - centres[:, None]) ** 2, axis=-1), bounds, [4, 5, 6], initial=initial,
-        generations=20, keep_populations=True, **options,
+        lambda population: np.sum((population - centres[:, None]) ** 2, axis=-1),
+        bounds,
+        [4, 5, 6],
+        initial=initial,
+        generations=20,
+        keep_populations=True,
+        **options,
     )
     for run, centre, start, seed in zip(many, centres, initial, (4, 5, 6), strict=True):
         one = minimize_genetic(
-            lambda population, centre=centre: np.sum((population - centre) ** 2, axis=-1), bounds, rng=seed, initial=start,
-            generations=20, keep_populations=True, **options,
+            lambda population, centre=centre: np.sum((population - centre) ** 2, axis=-1),
+            bounds,
+            rng=seed,
+            initial=start,
+            generations=20,
+            keep_populations=True,
+            **options,
         )
         assert run.populations == pytest.approx(one.populations, rel=1e-12)
         assert run.fun == pytest.approx(one.fun, rel=1e-9) and run.evaluations == one.evaluations

@@ -85,12 +85,15 @@ def test_the_oracle_finds_the_truth_and_flags_the_edge_of_its_box():
         optimum_in_box(*view(), CAMERA, box=1.5)
 
 
-@pytest.mark.parametrize(("low", "high", "words"), [
-    (40.0, 50.0, "40 to 50 mm"),
-    (0.0, np.inf, "not determined"),
-    (40.0, np.inf, "not determined, above 40 mm"),
-    (0.0, 50.0, "not determined, below 50 mm"),
-])
+@pytest.mark.parametrize(
+    ("low", "high", "words"),
+    [
+        (40.0, 50.0, "40 to 50 mm"),
+        (0.0, np.inf, "not determined"),
+        (40.0, np.inf, "not determined, above 40 mm"),
+        (0.0, 50.0, "not determined, below 50 mm"),
+    ],
+)
 def test_an_interval_that_does_not_end_is_told_in_words(monkeypatch, low, high, words):
     monkeypatch.setattr("pegpose_lab.calibration.two_stage.flags.profile_focal_length", lambda *_, **__: (low, high))
     flag = edge_intervals(*view(), CAMERA)
@@ -109,10 +112,16 @@ def far_view(seed, noise):
     return view(BOARD, pose, noise, seed, camera)
 
 
-@pytest.mark.parametrize(("seed", "noise", "edge"), [
-    (25, 0.0, "in f (box"), (75, 0.3, "in f (box"), (228, 0.03, "in f (box"), (16, 0.0, "in T_z (box"),
-    (192, 0.0, None),
-])
+@pytest.mark.parametrize(
+    ("seed", "noise", "edge"),
+    [
+        (25, 0.0, "in f (box"),
+        (75, 0.3, "in f (box"),
+        (228, 0.03, "in f (box"),
+        (16, 0.0, "in T_z (box"),
+        (192, 0.0, None),
+    ],
+)
 def test_nothing_in_the_box_is_better_than_the_oracle(seed, noise, edge):
     """On the box's edges, which an oblique valley meets, and at a truth without noise."""
     points, image_points = far_view(seed, noise)
@@ -122,7 +131,13 @@ def test_nothing_in_the_box_is_better_than_the_oracle(seed, noise, edge):
     everywhere = np.stack(np.meshgrid(*(np.linspace(*ends, 400) for ends in bounds)), axis=-1).reshape(-1, 2)
     found = [
         differential_evolution(
-            lambda x: objective(x.T), bounds, rng=rng, vectorized=True, updating="deferred", tol=1e-12, maxiter=500,
+            lambda x: objective(x.T),
+            bounds,
+            rng=rng,
+            vectorized=True,
+            updating="deferred",
+            tol=1e-12,
+            maxiter=500,
             polish=False,
         ).fun
         for rng in range(2)

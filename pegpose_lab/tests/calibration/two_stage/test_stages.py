@@ -102,9 +102,7 @@ def test_the_box_is_a_quarter_of_the_linear_solution():
     linear = calibrate_tsai(points, image_points, CAMERA)
     lower, upper = box_of(linear)
     for genes in ("printed", "magnification"):
-        run = calibrate_genetic(
-            points, image_points, CAMERA, rng=1, genes=genes, population_size=3000, generations=1
-        )
+        run = calibrate_genetic(points, image_points, CAMERA, rng=1, genes=genes, population_size=3000, generations=1)
         first = run.populations[0]
         assert np.all(first >= lower * (1 - 1e-12)) and np.all(first <= upper * (1 + 1e-12))
         assert first.min(axis=0) == pytest.approx(lower, rel=0.005)
@@ -115,9 +113,7 @@ def test_eq_4_starts_at_the_linear_solution_in_both_codings():
     points, image_points = view(noise=0.1)
     linear = calibrate_tsai(points, image_points, CAMERA)
     for genes in ("printed", "magnification"):
-        run = calibrate_genetic(
-            points, image_points, CAMERA, rng=1, genes=genes, initialisation="equal", generations=1
-        )
+        run = calibrate_genetic(points, image_points, CAMERA, rng=1, genes=genes, initialisation="equal", generations=1)
         start = [linear.camera.focal_length, linear.cam_from_object[0].translation[2]]
         assert run.populations[0] == pytest.approx(np.tile(start, (60, 1)))
 

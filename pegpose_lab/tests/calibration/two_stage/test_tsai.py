@@ -29,9 +29,7 @@ def sensor(camera, points, pose, noise=0.0, seed=0):
 def tilted(tilt, about=0.0, roll=0.0, position=(0.0, 0.0, 400.0)):
     """Pose whose z axis leans by `tilt` degrees, the board's middle at `position`."""
     axis = [np.cos(np.radians(about)), np.sin(np.radians(about)), 0]
-    rotation = Rotation.from_rotvec(np.radians(tilt) * np.array(axis)) * Rotation.from_rotvec(
-        [0, 0, np.radians(roll)]
-    )
+    rotation = Rotation.from_rotvec(np.radians(tilt) * np.array(axis)) * Rotation.from_rotvec([0, 0, np.radians(roll)])
     return RigidTransform.from_components(position, rotation)
 
 

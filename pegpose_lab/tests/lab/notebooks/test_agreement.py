@@ -139,7 +139,9 @@ def test_a_fault_in_a_figure_is_told(tmp_path, fault):
 
 def test_the_image_tolerance_lies_between_noise_and_fault(tmp_path):
     def difference(**other):
-        images = [plt.imread(_figure(tmp_path, name, **options))[..., :3] for name, options in (("a", {}), ("b", other))]
+        images = [
+            plt.imread(_figure(tmp_path, name, **options))[..., :3] for name, options in (("a", {}), ("b", other))
+        ]
         return 255 * np.sqrt(np.mean(np.square(images[0] - images[1])))
 
     assert difference(change=lambda ax: ax.set_title("E = 0.124 px")) < IMAGE_TOLERANCE / 2

@@ -42,7 +42,9 @@ def checkout(tmp_path, monkeypatch):
 
 
 def _git(folder, *arguments):
-    return subprocess.run(["git", "-C", str(folder), *arguments], check=True, capture_output=True, encoding="utf-8").stdout
+    return subprocess.run(
+        ["git", "-C", str(folder), *arguments], check=True, capture_output=True, encoding="utf-8"
+    ).stdout
 
 
 def test_scratch_folder_holds_the_known_results_and_git_does_not_see_it(checkout):
@@ -225,7 +227,9 @@ def _run_notebook():
 @pytest.mark.parametrize("path", ["notebooks/01_a.ipynb", "notebooks/my own.ipynb"])
 def test_saved_notebooks_hold_no_models_of_widgets(tmp_path, path):
     """Saved by the contents manager of Jupyter's server itself, with the hook by its name."""
-    manager = AsyncLargeFileManager(root_dir=str(tmp_path), pre_save_hook="pegpose_lab.lab.notebooks.running.clean_before_save")
+    manager = AsyncLargeFileManager(
+        root_dir=str(tmp_path), pre_save_hook="pegpose_lab.lab.notebooks.running.clean_before_save"
+    )
     manager.notary.db_file = ":memory:"  # of signatures; the user's own is none of a test's business
     (tmp_path / "notebooks").mkdir()
     content = json.loads(nbformat.writes(_run_notebook()))
