@@ -1,8 +1,8 @@
-"""Calibration: from the corners of one view or of many to a camera, its poses, and how certain they are.
+"""Calibration: finds the camera and its poses, with their uncertainty, from the corners of one or several views.
 
-`two_stage` is the paper's method, `joint` least squares of all views, `zhang` the baseline; all return
-`result.Calibration`.  A calibration method is one file here, and one line in the table
-`methods.CALIBRATION_METHODS` that `study` and the notebooks read (.github/CONTRIBUTING.md shows one).
+`two_stage` is the paper's method, `joint` is bundle adjustment of all views and `zhang` is the baseline.  All of
+them return a `result.Calibration`.  A calibration method is one file here and one line in the table
+`methods.CALIBRATION_METHODS`, which `study` and the notebooks read (.github/CONTRIBUTING.md shows an example).
 """
 
 from .joint.calibrate import calibrate_joint

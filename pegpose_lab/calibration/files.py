@@ -1,4 +1,4 @@
-"""Calibrations as files: OpenCV's FileStorage YAML with all that is known, ROS's camera_info with the camera alone.
+"""Calibrations as files: OpenCV's FileStorage YAML with everything, ROS's camera_info with the camera only.
 
 Only numbers and text are read from either, and nothing in a file is executed.
 """
@@ -28,14 +28,15 @@ ROS_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
 """ROS's names for OpenCV's distortion, by the number of coefficients."""
 
 UNSAFE = re.compile(r"""%(?=[0-9A-Fa-f]{2}|\Z)|[^ -~]|["\\]|\A[ ']| \Z""")
-"""What FileStorage's texts do not bring back, or would be read as an escape: it is written as %XX."""
+"""Characters that FileStorage does not read back as they were, or that would look like an escape: written as %XX."""
 
 LONGEST_TEXT = 1000
-"""FileStorage's texts end at 4096 characters; longer ones are cut into pieces, each but the last with % at its end."""
+"""Longest piece of a text: FileStorage cuts texts at 4096 characters, so longer ones are written in pieces, and each
+piece except the last ends with %."""
 
 
 def write_calibration(path: str | PathLike[str], calibration: Calibration, form: str) -> None:
-    """Write what `Calibration.save` documents."""
+    """Write a calibration as `Calibration.save` documents."""
     form = as_choice(form, "form", ("opencv", "ros"))
     text = _as_storage(calibration) if form == "opencv" else _as_camera_info(calibration.camera)
     with replacing(path) as temporary:
@@ -43,7 +44,7 @@ def write_calibration(path: str | PathLike[str], calibration: Calibration, form:
 
 
 def read_calibration(path: str | PathLike[str]) -> dict[str, Any]:
-    """Return the fields of the `Calibration` of a file as a dictionary; raises as `Calibration.load` documents."""
+    """Return the fields of a file's `Calibration` as a dictionary; raises as `Calibration.load` documents."""
     import yaml
 
     with open(path, encoding="utf-8", errors="replace") as file:
@@ -55,7 +56,7 @@ def read_calibration(path: str | PathLike[str]) -> dict[str, Any]:
 
 
 def _as_camera_info(camera):
-    """ROS's camera_info of a camera, as its camera_calibration package writes it."""
+    """ROS's camera_info of a camera, as ROS's camera_calibration package writes it."""
     camera = camera.to_opencv()
     coefficients = np.resize(camera.dist_coeffs, max(camera.dist_coeffs.size, 5))
     coefficients[camera.dist_coeffs.size :] = 0
@@ -86,7 +87,7 @@ def _as_matrix(array):
 
 
 def _from_camera_info(text):
-    """The fields of a `Calibration` that has a camera only."""
+    """The fields of a `Calibration` with only a camera."""
     import yaml
 
     info = yaml.safe_load(text)
@@ -110,7 +111,7 @@ def _as_storage(calibration):
 
 
 def _as_nodes(calibration):
-    """What `Calibration.save` writes: names and values, in order."""
+    """The names and values that `Calibration.save` writes, in order."""
     camera, poses = calibration.camera, calibration.cam_from_object
     nodes = {"format": FILE_FORMAT, "camera_model": type(camera).__name__}
     nodes |= dict(zip(("image_width", "image_height"), camera.image_size, strict=True))
@@ -144,7 +145,7 @@ def _as_nodes(calibration):
 
 
 def _as_texts(flags):
-    """Flags as texts that FileStorage brings back (see `UNSAFE` and `LONGEST_TEXT`)."""
+    """Flags as texts that FileStorage reads back unchanged (see `UNSAFE` and `LONGEST_TEXT`)."""
     for flag in flags:
         text = UNSAFE.sub(lambda found: quote(found[0], safe="", errors="surrogatepass"), flag)
         while len(text) > LONGEST_TEXT:
@@ -166,7 +167,7 @@ def _from_texts(texts):
 
 
 class _Nodes:
-    """Numbers, matrices and texts of a FileStorage text by name; KeyError where one is missing or not such."""
+    """Numbers, matrices and texts of a FileStorage text by name; KeyError if one is missing or of another kind."""
 
     def __init__(self, text):
         self.storage = cv2.FileStorage(text, cv2.FileStorage_READ | cv2.FileStorage_MEMORY)
@@ -204,7 +205,7 @@ class _Nodes:
 
 
 def _from_storage(nodes):
-    """The fields of the `Calibration` of a FileStorage: ours, or OpenCV's own, which gives the camera."""
+    """The fields of a FileStorage's `Calibration`; one of OpenCV's own files gives only the camera."""
     if "format" in nodes or "camera_model" in nodes or "camera_matrix" not in nodes:
         return _from_nodes(nodes)
     if "fisheye_model" in nodes and nodes.number("fisheye_model") != 0:
@@ -227,7 +228,7 @@ def _tsai_camera(nodes):
 
 
 def _from_nodes(nodes):
-    """The fields of the `Calibration` of a file."""
+    """The fields of the `Calibration` in a file that we wrote."""
     if nodes.text("format") != FILE_FORMAT:
         raise ValueError(f"format is {nodes.text('format')!r}; expected {FILE_FORMAT!r}")
     cameras = {TsaiCamera.__name__: _tsai_camera, OpenCVCamera.__name__: _opencv_camera}
@@ -252,7 +253,7 @@ def _from_nodes(nodes):
 
 
 def _flags(nodes):
-    """The flags, of which a file of an earlier version has no codes."""
+    """The flags; a file of an earlier version has no codes for them."""
     texts = _from_texts(nodes.texts("flags"))
     codes = _from_texts(nodes.texts("flag_codes")) if "flag_codes" in nodes else ("unknown",) * len(texts)
     if len(codes) != len(texts):
@@ -268,7 +269,7 @@ def _poses(nodes):
 
 
 def _residuals(nodes, views):
-    """The residuals, an array a view; ValueError if they are not as many as points_per_view says."""
+    """The residuals, one array per view; ValueError if their number does not match points_per_view."""
     counts, residuals = nodes.matrix("points_per_view", None), nodes.matrix("residuals", 2)
     whole = np.all(counts >= 1) and np.all(counts == np.round(counts))
     if counts.shape != (1, views) or not whole or counts.sum() != len(residuals):

@@ -1,4 +1,4 @@
-"""The table of calibration methods: `study` repeats and compares what stands in it, and the notebooks show it."""
+"""The table of calibration methods: `study` repeats and compares them, and the notebooks show them."""
 
 import importlib
 from dataclasses import dataclass, field
@@ -11,13 +11,13 @@ class Method:
     Attributes
     ----------
     function : str
-        The file below `calibration` and the function in it, for example ``"zhang.calibrate_zhang"``.  It is given
-        object_points and image_points, of one view or lists of all, and `camera`, of which it may use what is known
-        of a camera before it is calibrated; it returns a `Calibration`.
+        The file below `calibration` and the function in it, for example ``"zhang.calibrate_zhang"``.  The function
+        takes object_points and image_points (of one view, or lists of all views) and `camera`, from which it may use
+        what is known before a calibration.  It returns a `Calibration`.
     label : str
         The name in tables and figures.
     all_views : bool
-        Whether it takes all views; else it gets the first one.
+        Whether it takes all views; otherwise it gets the first one.
     draws : bool
         Whether it has an argument ``rng``.
     options : dict

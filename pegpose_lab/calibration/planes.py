@@ -1,4 +1,4 @@
-"""Points that are a plane, exactly or as measured boards are: how flat they are, and the plane's own frame."""
+"""Points of a plane, exact or measured on a real board: how flat they are, and the plane's own frame."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FLAT = 0.03
-"""Points are a plane if they leave it by less than this fraction of their width (see `relief`).  Tsai's method for a
-plane, with the relief taken into account, has a smaller error of f than his method for bodies up to about twice that."""
+"""Points count as a plane if their relief (see `relief`) is at most this fraction of their width.  Up to about twice
+this value, Tsai's method for a plane, corrected for the relief, has a smaller error of f than his method for points
+that are not coplanar."""
 
 UPRIGHT = 1e-6
-"""A component of a unit normal that is smaller does not decide to which side the normal points."""
+"""A component of a unit normal that is smaller than this does not decide to which side the normal points."""
 
 
 def relief(points: NDArray[np.float64]) -> float:
-    """How far points (n, 3) leave the plane through them: the rms distance, as a fraction of their rms half-width."""
+    """Rms distance of points (n, 3) from the plane through them, as a fraction of their rms half-width."""
     if _of_one_z(points):
         return 0.0
     singular = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
@@ -27,12 +28,12 @@ def relief(points: NDArray[np.float64]) -> float:
 
 
 def is_planar(points: NDArray[np.float64]) -> bool:
-    """Whether points (n, 3) are a plane, wherever it lies, to `FLAT`."""
+    """Whether points (n, 3) lie on one plane, in any position, within `FLAT`."""
     return relief(points) <= FLAT
 
 
 def plane_rotation(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The smallest turn (3, 3) of the object's frame that gives the plane through points (n, 3) one z."""
+    """The smallest rotation (3, 3) of the object's frame after which the plane through points (n, 3) has constant z."""
     if _of_one_z(points):
         return np.eye(3)
     normal = np.linalg.svd(points - points.mean(axis=0))[2][2]
@@ -45,10 +46,10 @@ def plane_rotation(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def plane_frame(points: NDArray[np.float64]) -> RigidTransform:
-    """Return plane_from_object: the frame of the plane through points (n, 3), in which they have z = 0 but for relief.
+    """Return plane_from_object: in the plane's frame, points (n, 3) have z = 0 except for their relief.
 
-    The object's frame is turned as little as possible and then shifted along z alone, so points of one z keep their x
-    and y to the last digit.
+    The object's frame is rotated as little as possible and then shifted along z only, so points that share one z keep
+    their x and y to the last digit.
     """
     rotation = plane_rotation(points)
     height = points[0, 2] if _of_one_z(points) else rotation[2] @ points.mean(axis=0)

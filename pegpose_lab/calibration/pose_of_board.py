@@ -1,7 +1,7 @@
-"""Pose of one object through a known camera (PnP): least squares over its image points, and the second answer of a plane.
+"""Pose of one object in a known camera (PnP): least squares over its image points, and a plane's second solution.
 
-A plane that is small or far is seen with hardly any perspective, and then two tilts, mirror images in the line of sight,
-explain its image nearly as well: the sum of squares has two minima, and noise can make the wrong one the lower.
+A plane that is small or far away has little perspective.  Then two tilts, which mirror each other in the line of sight,
+explain its image about equally well: the sum of squares has two minima, and noise can make the wrong one the lower.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 SAME_POSE = 1e-3
-"""rad: minima that are turned by less from each other are one."""
+"""rad: two minima whose rotations differ by less than this are the same."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoardPose:
-    """A pose that explains the image better than all poses near it.
+    """A pose at a local minimum of the reprojection error.
 
     Attributes
     ----------
     cam_from_object : RigidTransform
     rms : float
-        Root of the mean squared distance of projected and measured points, px.
+        Rms distance between projected and measured points, px.
     """
 
     cam_from_object: RigidTransform
@@ -43,12 +43,12 @@ class BoardPose:
 
 
 def board_pose(object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera) -> RigidTransform:
-    """Pose of one object through a known camera: least squares over the image points.
+    """Pose of one object in a known camera: least squares over the image points.
 
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm, n >= 4; of a plane, or not.
+        mm, n >= 4; they may lie on a plane.
     image_points : (n, 2) array_like
         px.
     camera : TsaiCamera or OpenCVCamera
@@ -56,14 +56,14 @@ def board_pose(object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCa
     Returns
     -------
     RigidTransform
-        cam_from_object, the better one where there are two (`board_poses` gives both).
+        cam_from_object; if there are two solutions, the better one (`board_poses` gives both).
 
     Raises
     ------
     ValueError
-        If the input is unusable, or points lie on a line: any turn about it is possible.
+        If the input is unusable, or the points lie on a line, about which the object could turn freely.
     CalibrationError
-        If no pose sees all points in front of the camera, or a plane's points are not in the order of the image's.
+        If no pose has all points in front of the camera, or a plane's points are not in the order of the image points.
 
     Examples
     --------
@@ -82,10 +82,10 @@ def board_pose(object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCa
 def board_poses(
     object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera
 ) -> list[BoardPose]:
-    """The one or two poses of an object through a known camera that are minima of the least squares, best first.
+    """The one or two poses of an object in a known camera that are minima of the least squares, best first.
 
-    Of a plane there are two where its perspective is weak.  With noise of s px per axis, the second is as likely as the
-    first where n times the difference of their squared rms is not much above 2 s^2.
+    A plane with weak perspective has two.  With noise of s px per axis, the second is about as likely as the first if
+    n times the difference of their squared rms is not much above 2 s^2.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def board_poses(
     Raises
     ------
     ValueError, CalibrationError
-        As `board_pose`.
+        As for `board_pose`.
 
     Examples
     --------
@@ -133,9 +133,9 @@ def board_poses(
 
 
 def _minimum(camera, views, state, leave=None):
-    """The sum of squares and the state at the minimum that a start leads to; None if a point gets no image.
+    """The sum of squares and the state at the minimum reached from a start; None if a point has no image.
 
-    The way there ends early at a state for which `leave`, if given, is true.
+    The search ends early at a state for which `leave`, if given, is true.
     """
     model = TsaiModel.known(camera) if isinstance(camera, TsaiCamera) else _KnownOpenCVCamera(camera)
     if evaluate(model, views, state) is None:
@@ -161,7 +161,7 @@ def _turn_between(first, second):
 
 
 class _KnownOpenCVCamera:
-    """An `OpenCVCamera` of which nothing is free, as a lens model."""
+    """An `OpenCVCamera` as a lens model without free parameters."""
 
     names: list[str] = []
 

@@ -1,11 +1,11 @@
-"""What every calibration returns: the camera, the poses, how well they explain the points, and how certain they are.
+"""What every calibration returns: the camera, the poses, the residuals and the uncertainty.
 
 =====================  ==============  ==========  ===========================================================
 `calibrate_tsai`       `two_stage`     one view    stage 1, linear, without distortion (Table 1, first row)
 `calibrate_genetic`    `two_stage`     one view    stage 2: genetic algorithm on (f, T_z), kappa1 by Eq. 6
                                                    (Table 1, second row)
-`calibrate_zhang`      `zhang`         many views  Zhang's method as OpenCV has it, the paper's rival (Sect. 5)
-`calibrate_joint`      `joint`         many views  least squares of everything at once, the paper's camera
+`calibrate_zhang`      `zhang`         many views  Zhang's method by OpenCV, which the paper compares with (Sect. 5)
+`calibrate_joint`      `joint`         many views  bundle adjustment with the paper's camera
 =====================  ==============  ==========  ===========================================================
 """
 
@@ -30,19 +30,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MINIMUM_POINTS = 5
-"""Points of a view: a plane's five ratios (Tsai)."""
+"""Fewest points of a view: Tsai's method solves for five ratios of a plane."""
 
 SWAPPED = 0.25
-"""Distance of a principal point from the swapped image's centre, as a fraction of that between the two centres, below
-which width and height are taken for swapped."""
+"""Width and height are taken to be swapped if the principal point is closer than this to the centre of the swapped
+image, as a fraction of the distance between the two centres."""
 
 LOOSE_CENTER = 0.05
-"""Length of a 95 % interval of the principal point, as a fraction of the picture's, above which it is flagged."""
+"""The principal point is flagged if its 95 % interval is longer than this fraction of the image's size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """A calibrated camera, and how well it explains the points it was made from.
+    """A calibrated camera, its poses and its residuals.
 
     Attributes
     ----------
@@ -50,29 +50,30 @@ class Calibration:
     cam_from_object : list of RigidTransform
         Pose of the object in each view.
     residuals : list of (n, 2) ndarray
-        Projected minus measured, px, one array a view.
+        Projected minus measured, px, one array per view.
     flags : tuple of Flag
-        What the reader must know before using the numbers: sentences, each with a code (see `Flag`).
+        What a user must know before using the numbers: sentences, each with a code (see `Flag`).
     history : DataFrame or None
-        Of the genetic algorithm, a row a generation (see `GeneticResult`) with the best chromosome's
+        The genetic algorithm's history, one row per generation (see `GeneticResult`), with the best chromosome's
         ``focal_length``, ``T_z`` and ``kappa1``.
     covariance : DataFrame or None
-        Covariance matrix of the parameters; rows and columns bear their names, views count from 0.  It holds if the
-        lens is of the model and the noise independent and alike at all points (see `flags`).
+        Covariance matrix of the parameters; rows and columns are named after them, and views count from 0.  It is
+        valid if the lens follows the model and the noise is independent and equal at all points (see `flags`).
         Rotations are ``rx_0, ry_0, rz_0``: radians about the camera's axes, applied after the estimate.
     populations : (generations + 1, n, 2) ndarray or None
         (f, T_z) of every chromosome of every generation of the genetic algorithm, best first; not saved.
     n_parameters : int or None
-        How many numbers were fitted to the points, those of the poses among them; None if it is not known.  n points
-        have 2 n - n_parameters degrees of freedom.
+        Number of fitted parameters, including those of the poses; None if it is not known.  n points have
+        2 n - n_parameters degrees of freedom.
 
     Examples
     --------
     >>> import numpy as np
     >>> from pegpose_lab import Checkerboard, Sensor, calibrate_joint
     >>> from scipy.spatial.transform import RigidTransform, Rotation
-    >>> camera, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001), Checkerboard().object_points
-    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> camera = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001)
+    >>> board, turns = Checkerboard().object_points, Rotation.from_rotvec(0.5 * np.eye(3))
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], turn) for turn in turns]
     >>> images = [camera.project(board, pose) for pose in poses]
     >>> found = calibrate_joint([board] * 3, images, camera.sensor)
     >>> round(found.camera.focal_length, 3), round(found.rms, 3), len(found.cam_from_object)
@@ -90,12 +91,12 @@ class Calibration:
 
     @property
     def mean_distance(self) -> float:
-        r"""Eq. 7, px: :math:`E = \frac{1}{n} \sum \sqrt{(x_f - x_i)^2 + (y_f - y_i)^2}`, a mean, not an rms."""
+        r"""Eq. 7, px: :math:`E = \frac{1}{n} \sum \sqrt{(x_f - x_i)^2 + (y_f - y_i)^2}` (a mean, not an rms)."""
         return float(np.hypot(*self._all_residuals().T).mean())
 
     @property
     def rms(self) -> float:
-        """Root of the mean squared distance, px: what OpenCV's calibrateCamera returns."""
+        """Rms reprojection error, px: root of the mean squared distance, as OpenCV's calibrateCamera returns it."""
         return float(np.sqrt(np.mean(np.sum(self._all_residuals() ** 2, axis=1))))
 
     @property
@@ -109,45 +110,45 @@ class Calibration:
         return np.concatenate(self.residuals)
 
     def sigma(self, name: str) -> float:
-        """Standard deviation of a parameter of `covariance`; ValueError if there is none of that name."""
+        """Standard deviation of a parameter of `covariance`; ValueError if there is no parameter of that name."""
         if self.covariance is None or name not in self.covariance.index:
             known = "no covariance" if self.covariance is None else ", ".join(self.covariance.index)
             raise ValueError(f"name is {name!r}; this calibration has {known}")
         return float(np.sqrt(self.covariance.loc[name, name]))
 
     def correlation(self, first: str, second: str) -> float:
-        """Correlation of two parameters of `covariance`, -1 to 1; ValueError as `sigma`."""
+        """Correlation of two parameters of `covariance`, -1 to 1; raises ValueError like `sigma`."""
         product = self.sigma(first) * self.sigma(second)
         return float(self.covariance.loc[first, second] / product)
 
     def save(self, path: str | PathLike[str], form: str = "opencv") -> None:
-        """Write the calibration as a YAML file, whole or not at all.
+        """Write the calibration as a YAML file; a failed write leaves no partial file.
 
         Parameters
         ----------
         path : path
         form : {"opencv", "ros"}
-            OpenCV's FileStorage holds everything but `populations`; ``camera_matrix``, ``distortion_coefficients``,
-            ``image_width``, ``image_height`` and ``extrinsic_parameters`` (rotation vector and translation, a row a
-            view) are named as in OpenCV's own calibration files, so its tools can read them; a `TsaiCamera` that
-            no OpenCV camera describes (`TsaiCamera.to_opencv`) is written without the first two.  ROS's camera_info
-            holds the camera alone, as OpenCV's model.
+            OpenCV's FileStorage holds everything except `populations`.  ``camera_matrix``,
+            ``distortion_coefficients``, ``image_width``, ``image_height`` and ``extrinsic_parameters`` (rotation vector
+            and translation, one row per view) have the names of OpenCV's own calibration files, so its tools can read
+            them.  A `TsaiCamera` that no OpenCV camera describes (`TsaiCamera.to_opencv`) is written without the first
+            two.  ROS's camera_info holds the camera only, in OpenCV's model.
 
         Raises
         ------
         OSError
             If the file cannot be written.
         ValueError
-            If the form is unknown, or ROS has no name for the camera's distortion, or no OpenCV camera describes it.
+            If the form is unknown, ROS has no name for the camera's distortion, or no OpenCV camera describes it.
         """
         write_calibration(path, self, form)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Calibration:
-        """Read what `save` wrote, in either form: the content tells.  Nothing in the file is executed.
+        """Read a file that `save` wrote; its content tells which form it has.  Nothing in the file is executed.
 
-        Of a ROS file, and of OpenCV's own calibration files, there is the camera only: no poses, and no residuals for
-        `rms` and its like.
+        A ROS file or one of OpenCV's own calibration files gives the camera only: there are no poses, and no residuals
+        for `rms`, `mean_distance` and `axis_std`.
 
         Raises
         ------
@@ -164,7 +165,7 @@ def pose_names(count: int) -> list[str]:
 
 
 def judge_focal_length(covariance: pd.DataFrame, name: str, value: float, unit: str, freedom: int) -> tuple[Flag, ...]:
-    """Flags by the 95 % interval of f, by Student's t of `freedom` degrees; CalibrationError if it reaches 0."""
+    """Flags from the 95 % interval of f (Student's t, `freedom` degrees); CalibrationError if it reaches 0."""
     half = _half_interval(covariance, name, freedom)
     refusal = "the views do not determine f ({}); add views tilted by about 30 deg"
     interval, loose = judge_interval(value, half, f"95 % interval {{}} {unit}", refusal)
@@ -175,7 +176,7 @@ def judge_focal_length(covariance: pd.DataFrame, name: str, value: float, unit: 
 
 
 def judge_principal_point(covariance: pd.DataFrame, image_size: tuple[int, int], freedom: int) -> tuple[Flag, ...]:
-    """A flag if a 95 % interval of the principal point is longer than `LOOSE_CENTER` of the picture."""
+    """A flag if a 95 % interval of the principal point is longer than `LOOSE_CENTER` of the image."""
     free = [name for name in ("c_x", "c_y") if name in covariance.index]
     halves = [_half_interval(covariance, name, freedom) for name in free]
     if all(2 * half <= LOOSE_CENTER * size for half, size in zip(halves, image_size, strict=False)):
@@ -188,8 +189,8 @@ def judge_principal_point(covariance: pd.DataFrame, image_size: tuple[int, int],
 def judge_image_size(
     camera: TsaiCamera | OpenCVCamera, image_points: Sequence[NDArray[np.float64]]
 ) -> tuple[Flag, ...]:
-    """Flags if points lie outside of the image, or the principal point is where the centre of an image with width and
-    height swapped is."""
+    """Flags if points lie outside the image, or if the principal point lies at the centre of the image with width and
+    height swapped."""
     if camera.image_size == UNKNOWN_SIZE:
         return ()
     width, height = camera.image_size

@@ -1,4 +1,4 @@
-"""Zhang's calibration from several views of a plane, by OpenCV: the paper's rival (Sect. 5)."""
+"""Zhang's calibration from several views of a plane, by OpenCV: the paper compares with it (Sect. 5)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .planes import FLAT, is_planar, plane_frame, relief
 from .result import MINIMUM_POINTS, Calibration, judge_focal_length, judge_image_size
 
 RADIAL = ((), ("k1",), ("k1", "k2"), ("k1", "k2", "k3"))
-"""Radial coefficients that `cv2.calibrateCamera` frees together."""
+"""Sets of radial coefficients that `cv2.calibrateCamera` can estimate together."""
 
 
 @undetermined_if_singular()
@@ -33,34 +33,35 @@ def calibrate_zhang(
 ) -> Calibration:
     r"""Zhang's calibration from several views of a plane, by `cv2.calibrateCamera`.
 
-    Free are f_x, f_y, c_x, c_y and `coefficients`.  Two radial ones and no tangential ones are what Zhang (2000)
-    estimates and publishes.  ``("k1",)`` is the paper's model but for its direction; ``("k1", "k2", "p1", "p2")`` is
-    the MATLAB toolbox's.  OpenCV's own default frees k3 as well, which an ordinary lens does not determine: it grows
-    to compensate k2.
+    It estimates f_x, f_y, c_x, c_y and `coefficients`.  Zhang (2000) estimates two radial coefficients and no
+    tangential ones.  ``("k1",)`` is the paper's model except that it distorts where the paper's model undistorts;
+    ``("k1", "k2", "p1", "p2")`` is the model of the MATLAB toolbox.  OpenCV's own default also estimates k3, which an
+    ordinary lens does not determine: it grows to compensate k2.
 
     Parameters
     ----------
     object_points : sequence of (n, 3) array_like
-        mm, one entry a view, each of a plane (to `planes.FLAT`: a board as it is measured), anywhere.
+        mm, one entry per view.  Each is a plane in any position, flat to `planes.FLAT` (a measured board is).
     image_points : sequence of (n, 2) array_like
         px.
     camera : Sensor, TsaiCamera, OpenCVCamera or (int, int)
-        The image size is used: width and height, px.  All else is found from the views.
+        Only the image size (width, height in px) is used.  Everything else is estimated from the views.
     coefficients : sequence of str
-        Of `COEFFICIENTS`, as for `calibrate_joint`: radial ones from k1 on without a gap, p1 and p2 both or neither.
+        Some of `COEFFICIENTS`, as for `calibrate_joint`: radial ones from k1 on without a gap, p1 and p2 both or
+        neither.
 
     Returns
     -------
     Calibration
-        With `OpenCVCamera` and `covariance`.  Its sigmas hold if the lens is of this model and the noise is alike and
-        independent at all points; `flags` say it when the residuals speak against it (`misfit`).
+        With `OpenCVCamera` and `covariance`.  Its sigmas are valid if the lens follows this model and the noise is
+        independent and equal at all points; `flags` tell when the residuals contradict that (`misfit`).
 
     Raises
     ------
     ValueError
         If the input is unusable.
     CalibrationError
-        If there are fewer than two views, or they do not differ enough in their tilt.
+        If there are fewer than two views, or their tilts do not differ enough.
 
     Examples
     --------
@@ -69,15 +70,16 @@ def calibrate_zhang(
     >>> from scipy.spatial.transform import RigidTransform, Rotation
     >>> camera = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0)
     >>> board = Checkerboard(8, 6, 29.0).object_points
-    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> turns = Rotation.from_rotvec(0.5 * np.eye(3))
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], turn) for turn in turns]
     >>> found = calibrate_zhang([board] * 3, [camera.project(board, pose) for pose in poses], camera.sensor)
     >>> round(found.camera.parameters["f_x"], 2), found.n_parameters
     (800.0, 24)
 
     References
     ----------
-    Z. Zhang, "A flexible new technique for camera calibration", IEEE Transactions on Pattern Analysis and Machine Intelligence
-    22(11), 2000.
+    Z. Zhang, "A flexible new technique for camera calibration", IEEE Transactions on Pattern Analysis and Machine
+    Intelligence 22(11), 1330-1334, 2000.
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
     plain = Sensor((1.0, 1.0), (0.0, 0.0), getattr(camera, "image_size", camera))
@@ -103,22 +105,23 @@ def calibrate_zhang(
 
 
 def _as_coefficients(coefficients):
-    """The checked coefficients in OpenCV's order; ValueError if `cv2.calibrateCamera` cannot free just these."""
+    """The checked coefficients in OpenCV's order; ValueError if `cv2.calibrateCamera` cannot estimate this set."""
     given = set(coefficients) if np.iterable(coefficients) else {coefficients}
     radial = tuple(name for name in ("k1", "k2", "k3") if name in given)
     known = given <= set(COEFFICIENTS) and len(given) == np.size(coefficients)
     if not known or radial not in RADIAL or len(given & {"p1", "p2"}) == 1:
         raise ValueError(
-            f"coefficients is {coefficients!r}; expected each once: radial ones of k1, k2, k3 without a gap, and p1 and "
-            "p2 both or neither (calibrate_joint takes any)"
+            f"coefficients is {coefficients!r}; expected each once: radial ones of k1, k2, k3 without a gap, and p1 "
+            "and p2 both or neither (calibrate_joint takes any)"
         )
     return tuple(name for name in COEFFICIENTS if name in given)
 
 
 def _opencv_calibration(object_points, image_points, size, coefficients):
-    """`cv2.calibrateCamera` as an `OpenCVCamera` and poses.
+    """The result of `cv2.calibrateCamera` as an `OpenCVCamera` and poses.
 
-    It takes planes z = 0 only, and others if it is given a camera to start from: that of the same boards made flat.
+    `cv2.calibrateCamera` takes other points than planes z = 0 only with a camera to start from.  So it first solves the
+    same boards made flat, and starts from that camera.
     """
     frames = [plane_frame(points) for points in object_points]
     own = [frame.apply(points) for frame, points in zip(frames, object_points, strict=True)]

@@ -1,4 +1,4 @@
-"""Least squares of all views at once, and what it leaves uncertain.
+"""Bundle adjustment of all views, and the uncertainty that remains.
 
-Other packages use the face of `pegpose_lab.calibration`.  A new lens model for it is a class in `models`.
+Other packages import from `pegpose_lab.calibration`.  A new lens model is a class in `models`.
 """

@@ -1,13 +1,13 @@
-r"""Least squares of all views at once, and what it leaves uncertain.
+r"""Bundle adjustment: least squares over all views at once.
 
-The unknowns are the camera's parameters, shared by all views, and six numbers of each view's pose.  A view's pose
-meets no other, so the normal equations have the shape of an arrow,
+The unknowns are the camera's parameters, shared by all views, and six numbers for each view's pose.  The pose of one
+view does not affect another view, so the normal equations have the shape of an arrow,
 
 .. math:: \begin{pmatrix} A & B \\ B^T & C \end{pmatrix}, \qquad C = \mathrm{diag}(C_1, \dots, C_V),
 
-and eliminating the poses leaves the Schur complement :math:`S = A - \sum_v B_v C_v^{-1} B_v^T`, as small as
-the camera has parameters: time and memory grow linearly with the number of views.  S is also the information that the
-views have about the camera when nothing is known of their poses; its smallest eigenvalue says if they determine it.
+and eliminating the poses leaves the Schur complement :math:`S = A - \sum_v B_v C_v^{-1} B_v^T`, which has one row per
+parameter of the camera.  So time and memory grow linearly with the number of views.  S is also the information that the
+views have about the camera if their poses are unknown; its smallest eigenvalue tells whether they determine it.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ if TYPE_CHECKING:
 
 MAX_STEPS = 200
 SMALL_STEP = 1e-7
-"""Length of a step, in standard deviations, after which none is needed."""
+"""The search ends after a step that is shorter than this many standard deviations."""
 
 NEAR = 1e-3
-"""Length of the full step, in sigmas, within which a state is a minimum though rounding forbids the step."""
+"""A state whose full step is shorter than this many sigmas is a minimum, even if rounding prevents the step."""
 
 SMALLEST_RMS = 1e-9
-"""px; points without noise are not fitted any better than this."""
+"""px; points without noise are fitted to this rms at best."""
 
 HUBER, CAUCHY = 1.501, 2.549
-"""Where the robust losses of a point's distance bend, in standard deviations per axis: with many points to a parameter
-the variance is 1/0.95 of least squares' for errors that are normal in x and y (1.345 and 2.385 are for one axis)."""
+"""Distance at which the robust losses bend, in standard deviations per axis.  With many points per parameter and
+normal errors in x and y, the variance is 1/0.95 of that of least squares (1.345 and 2.385 are for a single axis)."""
 
 ROBUST_ROUNDS = 50
 SMALL_ROUND = 1e-3
-"""Length of a round's step, in standard deviations, after which no more are needed."""
+"""The rounds end after one whose step is shorter than this many standard deviations."""
 
 
 @dataclass(frozen=True)
 class Equations:
-    """The normal equations' blocks A (k, k), B (V, k, 6), C (V, 6, 6), the gradient's, and the weighted cost."""
+    """The blocks A (k, k), B (V, k, 6), C (V, 6, 6) of the normal equations, the gradient, and the weighted cost."""
 
     a: np.ndarray
     b: np.ndarray
@@ -81,15 +81,15 @@ class Equations:
         return schur, solved[:, :, :k], solved[:, :, k:]
 
     def directions(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Eigenvalues (k,) of S scaled by A's diagonal, smallest first, the directions (k, k) as rows, in the scaled
-        parameters, and what the poses (V, 6, k) do along each."""
+        """Eigenvalues (k,) of S scaled by A's diagonal, smallest first; their directions (k, k) in the scaled
+        parameters, one per row; and the change (V, 6, k) of the poses along each of them."""
         schur, by_shared, _ = self.eliminated()
         scale = np.sqrt(np.diagonal(self.a))
         values, vectors = np.linalg.eigh(schur / np.outer(scale, scale))
         return values, vectors.T, -by_shared @ (vectors / scale[:, None])
 
     def step(self, damping: float) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
-        """Steps of the camera's parameters, turns and shifts, and the decrease of the cost that they promise."""
+        """Steps of the camera's parameters, turns and shifts, and the predicted decrease of the cost."""
         schur, by_shared, by_gradient = self.eliminated(damping)
         reduced = self.shared_gradient - (self.b @ by_gradient).sum(axis=0)[:, 0]
         scale = np.sqrt(np.diagonal(self.a))
@@ -119,7 +119,7 @@ def descend(
     weights: NDArray[np.float64],
     leave: Callable[[State], bool] | None = None,
 ) -> tuple[State, Equations, bool]:
-    """Levenberg and Marquardt's method: the last state, its `Equations`, and whether it is a minimum.
+    """The Levenberg-Marquardt method: the last state, its `Equations`, and whether it is a minimum.
 
     The search ends early at a state for which `leave`, if given, is true.
     """
@@ -151,7 +151,7 @@ def descend(
 
 
 def _step(equations, damping):
-    """The step and what it promises; where the equations are singular none, which promises nan: more damping helps."""
+    """The step and its predicted decrease; None and nan for singular equations, which more damping can solve."""
     try:
         *step, promised = equations.step(damping)
     except np.linalg.LinAlgError:
@@ -162,13 +162,13 @@ def _step(equations, damping):
 def minimise_robust(
     model: LensModel, views: Views, state: State, loss: str
 ) -> tuple[State, NDArray[np.float64], float]:
-    """Repeated weighted least squares: weights by the distances, which are judged by their median.
+    """Iteratively reweighted least squares; the median distance gives the scale of the weights.
 
-    Returns the state at the minimum, the weights, and the variance per axis that `_robust_variance` gives.
+    Returns the state at the minimum, the weights, and the variance per axis by `_robust_variance`.
     """
     for _ in range(ROBUST_ROUNDS):
         distances = np.hypot(*np.moveaxis(evaluate(model, views, state)[0], -1, 0))
-        sigma = np.median(distances[views.used > 0]) / np.sqrt(2 * np.log(2))  # per axis: distances are Rayleigh's
+        sigma = np.median(distances[views.used > 0]) / np.sqrt(2 * np.log(2))  # per axis, from a Rayleigh distribution
         sigma = max(sigma, SMALLEST_RMS)
         weights = robust_weights(distances / sigma, loss)[0] * views.used
         before = state
@@ -182,7 +182,7 @@ def minimise_robust(
 
 
 def robust_weights(scaled: NDArray[np.float64], loss: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    r"""Weight w and slope w' r of the distances r in standard deviations; the influence is :math:`\psi = w r`."""
+    r"""Weights w and slopes w' r of distances r in standard deviations; the influence is :math:`\psi = w r`."""
     if loss == "huber":
         weights = HUBER / np.maximum(scaled, HUBER)
         return weights, np.where(scaled > HUBER, -weights, 0.0)
@@ -191,10 +191,11 @@ def robust_weights(scaled: NDArray[np.float64], loss: str) -> tuple[NDArray[np.f
 
 
 def _robust_variance(model, views, state, sigma, loss):
-    r"""The s^2 with which :math:`s^2 (J^T J)^{-1}` is the covariance of M-estimation, px^2.
+    r"""The s^2, px^2, for which :math:`s^2 (J^T J)^{-1}` is the covariance of the M-estimate.
 
-    With the influence :math:`\psi(r) e / r` of a residual e of length r, and half the trace of its derivative
-    :math:`\psi_1 = (\psi' + \psi / r) / 2`, of n points and p parameters (Huber, Robust Statistics, 1981, Eq. 7.6.8),
+    A residual e of length r has the influence :math:`\psi(r) e / r`; half the trace of its derivative is
+    :math:`\psi_1 = (\psi' + \psi / r) / 2`.  For n points and p parameters (after Huber, Robust Statistics, 1981,
+    Sect. 7.6),
 
     .. math:: s^2 = K^2\, \frac{\sum \psi^2 / (2 n - p)}{(\sum \psi_1 / n)^2},
         \qquad K = 1 + \frac{p}{2 n} \frac{\mathrm{var}\, \psi_1}{(\mathrm{mean}\, \psi_1)^2}.

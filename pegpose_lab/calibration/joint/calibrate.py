@@ -1,7 +1,7 @@
-"""Least squares of all views at once, and what it leaves uncertain (`bundle` has the equations).
+"""Joint calibration: bundle adjustment of all views, with the uncertainty of the result (`bundle` has the equations).
 
-What the residuals' noise does to S is judged too.  A view's tilt makes its information about f; where the tilt is no
-larger than its own noise, the noise makes it, more so with every view, and f is wrong by many of its stated sigmas.
+It also judges how noise affects S.  A view tells about f through its board tilt.  If the tilt is no larger than its own
+noise, the information is made by the noise, more with every view, and f is wrong by many of its stated sigmas.
 """
 
 from __future__ import annotations
@@ -31,59 +31,61 @@ def calibrate_joint(
     coefficients: Sequence[str] | None = None,
     loss: str = "linear",
 ) -> Calibration:
-    r"""Least squares of all views at once, with the paper's camera model (Eq. 3) or OpenCV's.
+    r"""Bundle adjustment of all views, with the paper's camera model (Eq. 3) or OpenCV's.
 
-    Minimises the sum of the squared signed x and y residuals (not of Eq. 7's distances, whose derivative
-    jumps at zero) over the camera's parameters and the pose of each view, by Levenberg and Marquardt's method
-    with exact derivatives.  It starts at the f of the views' homographies, or at the view whose linear solution
-    (stage 1) has the smallest relative sigma of f.
+    It minimises the sum of the squared signed x and y residuals over the camera's parameters and the pose of each
+    view, by the Levenberg-Marquardt method with exact derivatives.  (The derivative of Eq. 7's distances jumps at
+    zero.)  It starts from the f of the views' homographies, or from the view whose linear solution (stage 1) has the
+    smallest relative sigma of f.
 
     Parameters
     ----------
     object_points : sequence of (n, 3) array_like
-        mm, one entry a view.
+        mm, one entry per view.
     image_points : sequence of (n, 2) array_like
         px.
     camera : Sensor or TsaiCamera
-        Gives pixel pitch, image size, scale_x and the principal point to start from (or to keep); f and kappa1 of a
-        camera are not used.
+        Gives the pixel pitch, image size, scale_x and the principal point to start from (or to keep); f and kappa1 of
+        a camera are not used.
     principal_point : {"free", "fixed"}
         Whether it is estimated.
     focal : {"one", "two"}
-        One f; or two, f_x and f_y in px.  With the paper's model the second is scale_x, Tsai's uncertainty factor.
+        One f, or two: f_x and f_y in px.  In the paper's model the second is scale_x, Tsai's uncertainty factor.
     coefficients : sequence of str, optional
-        None: the paper's model, with kappa1.  Else OpenCV's distorting model with these of `COEFFICIENTS` free and
-        the others zero, none of them for a camera without distortion; the result is an `OpenCVCamera`.
+        None: the paper's model, with kappa1.  Otherwise OpenCV's model, which distorts, with these of `COEFFICIENTS`
+        estimated and the others zero; an empty list gives a camera without distortion.  The result is then an
+        `OpenCVCamera`.
     loss : {"linear", "huber", "cauchy"}
-        What a point's distance costs.  The two robust losses bend at `HUBER` and `CAUCHY` standard deviations (by
-        the median of the distances), so that single wrong corners hardly count.
+        The loss of a point's distance.  The two robust losses bend at `HUBER` and `CAUCHY` standard deviations
+        (estimated from the median distance), so that a few wrong corners have little influence.
 
     Returns
     -------
     Calibration
-        With `covariance` of all parameters: ``focal_length`` (mm), ``scale_x``, ``kappa1``, ``c_x``, ``c_y`` as far as
-        they are free, or ``f_x``, ``f_y`` (or ``f_x`` for both), ``c_x``, ``c_y`` and the coefficients; and for
-        view v ``rx_v, ry_v, rz_v, tx_v, ty_v, tz_v``.  A robust loss's is that of M-estimation (`_robust_variance`).
-        Its sigmas, and intervals made of them, hold on two conditions: the lens is of the fitted model, and the
-        noise is independent and alike at all points.  `flags` say it when the residuals speak for a richer model or
-        against a view (`misfit`; correlated noise and bent boards are not seen), when planes are tilted by less than
-        `SMALL_TILT`, or f or the principal point is hardly known.
+        With `covariance` of all parameters.  They are ``focal_length`` (mm), ``scale_x``, ``kappa1``, ``c_x`` and
+        ``c_y`` as far as they are free, or ``f_x``, ``f_y`` (or ``f_x`` for both), ``c_x``, ``c_y`` and the
+        coefficients; and for view v ``rx_v, ry_v, rz_v, tx_v, ty_v, tz_v``.  With a robust loss it is the covariance
+        of the M-estimate (`_robust_variance`).  The sigmas, and intervals made from them, are valid on two conditions:
+        the lens follows the fitted model, and the noise is independent and equal at all points.  `flags` tell when
+        the residuals favour a richer model or contradict a view (`misfit`, which does not detect correlated noise or
+        a bent board), when the board tilt is below `SMALL_TILT`, and when f or the principal point is poorly known.
 
     Raises
     ------
     ValueError
         If the input is unusable.
     CalibrationError
-        If the views do not determine f, as when all are fronto-parallel as far as the noise can tell, or not all
-        parameters together, or no minimum is found.
+        If the views do not determine f (for example if all boards are fronto-parallel within the noise), if they do
+        not determine all parameters together, or if no minimum is found.
 
     Examples
     --------
     >>> import numpy as np
     >>> from pegpose_lab import Checkerboard, Sensor, calibrate_joint
     >>> from scipy.spatial.transform import RigidTransform, Rotation
-    >>> camera, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001), Checkerboard().object_points
-    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> camera = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001)
+    >>> board, turns = Checkerboard().object_points, Rotation.from_rotvec(0.5 * np.eye(3))
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], turn) for turn in turns]
     >>> images = [camera.project(board, pose) for pose in poses]
     >>> found = calibrate_joint([board] * 3, images, camera.sensor)
     >>> round(found.camera.focal_length, 3), round(found.camera.kappa1, 5), round(found.rms, 3)

@@ -1,4 +1,4 @@
-"""What least squares leaves uncertain: the covariance, and what is not determined at all."""
+"""The covariance of the bundle adjustment, and the error if some parameters are not determined."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from .views import LensModel, State, Views
 
 LEAST_INFORMATION = 1e-11
-"""Smallest eigenvalue of S, scaled by A's diagonal: the part of the information that unknown poses leave."""
+"""The camera is not determined if the smallest eigenvalue of S, scaled by A's diagonal, is at most this: it is the
+fraction of the information that remains when the poses are unknown."""
 
 
 def covariance_of(model: LensModel, views: Views, state: State, equations: Equations, variance: float) -> pd.DataFrame:
-    """Covariance of all parameters as a labelled table, translations being those of the objects' own origins.
+    """Covariance of all parameters as a labelled table; translations refer to the objects' own origins.
 
-    `equations` are without weights, `variance` is that of a coordinate, px^2.
+    `equations` must be without weights; `variance` is that of one image coordinate, px^2.
     """
     values, directions, moved = equations.directions()
     if not values[0] > LEAST_INFORMATION:
@@ -35,7 +36,7 @@ def covariance_of(model: LensModel, views: Views, state: State, equations: Equat
     v, _, k = by_shared.shape
     scale = np.sqrt(np.diagonal(equations.a))
     shared = (directions.T / values @ directions) / np.outer(scale, scale)
-    to_origin = np.zeros((v, 6, 6))  # the origin's shift is the centroid's less the turn times the way between them
+    to_origin = np.zeros((v, 6, 6))  # origin's shift = centroid's shift - turn x (centroid - origin)
     to_origin[:, range(6), range(6)] = 1
     x, y, z = np.einsum("vij,vj->iv", state.rotations, views.centroids)
     to_origin[:, 3, 1], to_origin[:, 4, 0], to_origin[:, 5, 0] = -z, z, -y
@@ -56,7 +57,7 @@ def covariance_of(model: LensModel, views: Views, state: State, equations: Equat
 
 
 def _undetermined(names, directions, poses):
-    """What can change without moving a point, in words; `poses` (V, 6, number) are the poses' changes along with it."""
+    """In words, which parameters can change without moving a point; `poses` (V, 6, number) change with them."""
     found = [in_words(names, direction, poses[:, :, k]) for k, direction in enumerate(directions)]
     return (
         f"the views do not determine all of {', '.join(names)}: {'; '.join(found)}; what trades off can change "
@@ -65,7 +66,7 @@ def _undetermined(names, directions, poses):
 
 
 def in_words(names: Sequence[str], direction: NDArray[np.float64], poses: NDArray[np.float64]) -> str:
-    """Names of the parameters that change along a direction, and T_z if the poses shift along it."""
+    """The names of the parameters that change along a direction, with T_z if the poses shift in depth."""
     free = [name for name, part in zip(names, direction, strict=True) if abs(part) > 0.1 * np.abs(direction).max()]
     shifts = np.abs(poses[:, 3:]).max(axis=0)
     along_axis = ["T_z"] if shifts[2] > 0.1 * shifts.max() and shifts.max() > 0 else []

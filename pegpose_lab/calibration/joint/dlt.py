@@ -20,7 +20,7 @@ def calibrate_dlt(object_points: ArrayLike, image_points: ArrayLike, camera: Sen
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm, n >= 5, of one plane.
+        mm, n >= 5, all on one plane.
     image_points : (n, 2) array_like
         px.
     camera : Sensor or TsaiCamera
@@ -36,7 +36,7 @@ def calibrate_dlt(object_points: ArrayLike, image_points: ArrayLike, camera: Sen
     ValueError
         If the input is unusable.
     CalibrationError
-        If the view does not determine f, or no camera sees the plane so.
+        If the view does not determine f, or no camera can give this image of the plane.
 
     Examples
     --------

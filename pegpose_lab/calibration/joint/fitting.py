@@ -1,4 +1,4 @@
-"""A lens model fitted to all views: from the start to the covariance; what it is worth others judge (`joint`, `misfit`)."""
+"""Fits a lens model to all views, from the start to the covariance; `judge` and `misfit` judge the result."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Fit:
-    """The least squares of a model: the state at the minimum, its equations without weights, and what follows.
+    """A fitted model: the state at the minimum, its equations without weights, and the covariance.
 
-    `weights` are 1 where there is a point, or those of a robust loss; `variance` is that of a coordinate, px^2.
+    `weights` are 1 where there is a point, or those of a robust loss; `variance` is that of one image coordinate, px^2.
     """
 
     model: TsaiModel | OpenCVModel
@@ -40,7 +40,7 @@ class Fit:
 
     @property
     def squares(self) -> float:
-        """Sum of the squared residuals, px^2; with a robust loss that of `pseudo_residuals`."""
+        """Sum of the squared residuals, px^2; with a robust loss, of Huber's pseudo-residuals."""
         return self.variance * self.freedom
 
 
@@ -50,7 +50,7 @@ def fit_views(
     image_points: Sequence[NDArray[np.float64]],
     loss: str = "linear",
 ) -> Fit:
-    """Minimise; not yet judged."""
+    """Fit a model to all views; the result is not judged yet."""
     views = Views.stack(object_points, image_points)
     _demand_freedom(model, views)
     state = find_start(model, views, object_points, image_points)
@@ -67,7 +67,7 @@ def fit_at(
     weights: NDArray[np.float64] | None = None,
     variance: float | None = None,
 ) -> Fit:
-    """The `Fit` of a state that is a minimum; the variance is that of the residuals if it is not given."""
+    """The `Fit` of a state at a minimum; by default the variance is that of the residuals."""
     freedom = _demand_freedom(model, views)
     equations = Equations.of(*evaluate(model, views, state), views.used)
     if variance is None:
@@ -77,7 +77,7 @@ def fit_at(
 
 
 def _demand_freedom(model, views):
-    """The degrees of freedom, refused if there are none."""
+    """The degrees of freedom; CalibrationError if there are none."""
     count, unknowns = 2 * int(views.used.sum()), len(model.names) + 6 * len(views.used)
     if count <= unknowns:
         raise CalibrationError(f"{count} coordinates cannot determine {unknowns} parameters; add points or views")

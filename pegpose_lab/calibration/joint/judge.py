@@ -1,4 +1,4 @@
-"""Whether the views determine f: flags, and the errors where they do not."""
+"""Judges whether the views determine f: flags if they hardly do, errors if they do not."""
 
 import numpy as np
 
@@ -12,23 +12,23 @@ from .starts import plane_rotations
 from .views import State, evaluate
 
 LITTLE_WORTH = 0.05
-"""Relative sigma of f times the root of the number of views, above which the information about f is put to the test."""
+"""The information about f is tested if its relative sigma, times the root of the number of views, is above this."""
 
 FLAGGED_SHARE, REFUSED_SHARE = 0.03, 0.1
-"""Parts of the information about f that the noise makes, from which it is flagged and refused."""
+"""f is flagged, or refused, if noise makes more than this fraction of the information about it."""
 
 LEAST_RELIEF = 2e-3
-"""Relief of points (see `planes.relief`) from which f does not rest on the tilt alone; on less it could not."""
+"""Points with more relief than this (see `planes.relief`) determine f also through their depth, not by tilt alone."""
 
 LEAST_RISE = 25.0
-"""Variances by which the sum of squares must grow when f is changed by one of `OTHER_FACTORS`."""
+"""The sum of squares must grow by this many variances when f is multiplied by one of `OTHER_FACTORS`."""
 
 OTHER_FACTORS = (1 / 2, 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64)
 """Most are below 1: noise on little tilt makes f too large, up to a hundred times."""
 
 
 def _with_focal_length(fit, focal_length, near):
-    """The model with a given f (or f_x), and the state of a near f with the depths changed as f is."""
+    """The model with a given f (or f_x), and the state of a nearby f with its depths scaled like f."""
     depth = focal_length / near.shared[0]
     state = State(near.shared[1:], near.rotations, near.positions * [1, 1, depth])
     return GivenFocalLength(fit.model, focal_length), state
@@ -60,7 +60,7 @@ def _judge(fit, object_points):
 
 
 def _demand_tilt(fit, object_points):
-    """The largest tilt of planes, deg (90 of other objects); refused if none is more than its own sigma explains."""
+    """The largest board tilt, deg (90 for objects that are not planar); refused if no tilt is significant."""
     if any(relief(points) > LEAST_RELIEF for points in object_points):
         return 90.0
     tilts, sigmas, matrix = [], [], fit.covariance.to_numpy()
@@ -80,13 +80,13 @@ def _demand_tilt(fit, object_points):
 
 
 def _is_suspect(fit, tilt):
-    """Whether the information about f must be tested: little tilt, or little information in each view."""
+    """Whether the information about f must be tested: the tilt is small, or each view has little information."""
     relative = np.sqrt(fit.covariance.iloc[0, 0]) / fit.state.shared[0]
     return tilt < SMALL_TILT or relative * np.sqrt(len(fit.state.rotations)) > LITTLE_WORTH
 
 
 def _demand_signal(fit):
-    """The share of the information about f that the noise makes; refused if it is large."""
+    """The share of the information about f that noise makes; refused if it is large."""
     share = _noise_share(fit)
     if share > REFUSED_SHARE:
         raise CalibrationError(
@@ -100,17 +100,17 @@ def _demand_signal(fit):
 def _noise_share(fit):
     r"""The share of the information about f that the noise of the poses makes.
 
-    The information S is a function of the estimated poses, and they differ from the true ones by noise of covariance
-    :math:`s^2 C_v^{-1}`.  On average that adds to S
+    The information S is a function of the estimated poses, which differ from the true ones by noise of covariance
+    :math:`s^2 C_v^{-1}`.  On average this noise adds to S
 
     .. math:: \Delta S = \frac{1}{2} \sum_k (S(+c_k) + S(-c_k) - 2 S)
 
-    with S taken at poses moved by the columns c_k of the root of this covariance.  Of the information about f alone,
-    which is :math:`u^T S u` along :math:`u = S^{-1} e_1`, the share is :math:`u^T \Delta S u / u^T S u`.
+    where S is taken at poses moved by the columns c_k of the root of this covariance.  The information about f alone
+    is :math:`u^T S u` along :math:`u = S^{-1} e_1`, so the share is :math:`u^T \Delta S u / u^T S u`.
     """
     try:
         root = np.linalg.cholesky(np.linalg.inv(fit.equations.c) * fit.variance)
-    except np.linalg.LinAlgError:  # a pose that the points do not determine, to the last digits
+    except np.linalg.LinAlgError:  # the points do not determine a pose numerically
         return np.inf
     information = fit.equations.eliminated()[0]
     added = np.zeros_like(information)
@@ -125,10 +125,10 @@ def _noise_share(fit):
 
 
 def _demand_ends(fit):
-    """Refuse a fit if another f explains the points nearly as well, or better (as far as the search comes).
+    """Refuse a fit if a search finds another f that explains the points nearly as well, or better.
 
-    Half and twice are for a valley that is nearly level; the others for a valley of its own, as there is with f_x and
-    f_y if boards with little tilt are taken for tilted ones of a camera with pixels that are not as stated.
+    Half and twice the f detect a valley that is nearly level.  The other factors detect a second valley: with f_x and
+    f_y, boards with little tilt can also be explained as tilted boards seen by a camera with another pixel pitch.
     """
     best = float(np.sum(fit.weights[:, :, None] * evaluate(fit.model, fit.views, fit.state)[0] ** 2))
     value, unit = fit.state.shared[0], fit.model.unit
@@ -143,7 +143,7 @@ def _demand_ends(fit):
 
 
 def _least_cost(fit, focal_length):
-    """The sum of squares that a search with a given f comes to; infinite if not all points can be seen with it."""
+    """The least sum of squares that a search with a given f finds; infinite if a point has no image at its start."""
     model, state = _with_focal_length(fit, focal_length, fit.state)
     if evaluate(model, fit.views, state) is None:
         return np.inf

@@ -1,21 +1,21 @@
-r"""Whether the model fits: what the residuals of a least squares say against its lens model, or against some views.
+r"""Goodness of fit: whether the residuals of a bundle adjustment contradict its lens model or some of its views.
 
-Stated sigmas and intervals hold if the lens is one of the model's and the noise is independent and alike at all points.
-Two tests look at the first two of these conditions; neither sees noise that is correlated, or a bent board as such.
+Stated sigmas are valid if the lens follows the model and the noise is independent and equal at all points.
+The two tests below check the lens model and the views.  They do not detect correlated noise or a bent board.
 
-*Nested models.*  If the lens is of the model, a richer model takes only its share of noise from the residuals, and
+*Nested models.*  If the lens follows the model, a richer model removes only its share of the noise, and
 
 .. math:: F = \frac{(SSE - SSE') / q}{SSE' / (\nu - q)}
 
-with q more parameters has Fisher's distribution of (q, :math:`\nu - q`) degrees of freedom.  SSE' comes from one
-Gauss-Newton step out of the minimum (a score test: the normal equations once, with a column for each candidate); only
-what is significant there is fitted in full, and judged by its own F.
+for q more parameters has an F distribution with (q, :math:`\nu - q`) degrees of freedom.  SSE' is first estimated by
+one Gauss-Newton step from the minimum (a score test).  Only a candidate that is significant there is fitted in full
+and judged by its own F.
 
-*Views.*  A view whose residuals stand out is left out and the others are fitted again.  If it is of the same camera and
-as accurate, (SSE - SSE') / (SSE' / :math:`\nu'`) per its :math:`2 m - 6` degrees of freedom is distributed likewise;
-a view that fits worse than `STANDS_OUT` times the others is flagged, by variance.
+*Views.*  A view with large residuals is left out and the others are fitted again.  If the view is of the same camera
+and as accurate as the others, (SSE - SSE') / (SSE' / :math:`\nu'`), divided by its :math:`2 m - 6` degrees of freedom,
+also has an F distribution.  A view whose variance is more than `STANDS_OUT` times that of the others is flagged.
 
-Where both speak, that explanation is told which leaves the smaller variance.
+If both tests find something, the flag names the explanation that leaves the smaller variance.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ if TYPE_CHECKING:
     from .fitting import Fit
 
 LEVEL = 0.01
-"""Chance that some richer model, or some view, is flagged though all is as the model says."""
+"""Probability that a richer model or a view is flagged although the data follow the model."""
 
 STANDS_OUT, SUSPECT = 9.0, 4.0
-"""Variance of a view by that of the others from which it is flagged, and by the median view's from which it is tried."""
+"""A view is tried from `SUSPECT` times the median view's variance, and flagged from `STANDS_OUT` times the others'."""
 
 LEAST_INFORMATION = 1e-9
-"""Of a candidate's parameters, as in `covariance.LEAST_INFORMATION`: with less it is not tried."""
+"""A candidate is not tried if its parameters have less information than this (see `covariance.LEAST_INFORMATION`)."""
 
 
 @dataclass(frozen=True)
 class _Better:
-    """A richer model that fits better: in words, its F, the variance it leaves and how far it moves f, c_x and c_y."""
+    """A richer model that fits better: its name, its F, the variance it leaves, and how far f, c_x and c_y move."""
 
     words: str
     statistic: float
@@ -65,8 +65,8 @@ def judge_misfit(
     image_points: Sequence[NDArray[np.float64]],
     loss: str = "linear",
 ) -> tuple[Flag, ...]:
-    """Flags, a tuple; the points and the loss are those that were fitted."""
-    if fit.variance <= SMALLEST_RMS**2:  # no noise: nothing to judge by
+    """Flags of a fit; the points and the loss must be those that were fitted."""
+    if fit.variance <= SMALLEST_RMS**2:  # without noise there is no scale to judge by
         return ()
     better = _better_model(fit, object_points, image_points, loss)
     outlying, rest = _outlying_views(fit, object_points, image_points, loss)
@@ -83,7 +83,7 @@ def views_in_doubt(
     image_points: Sequence[NDArray[np.float64]],
     loss: str = "linear",
 ) -> str:
-    """A sentence on the views that do not fit the others, or an empty one; arguments as of `judge_misfit`."""
+    """A sentence about the views that do not fit the others, or ""; arguments as for `judge_misfit`."""
     outlying, rest = _outlying_views(fit, object_points, image_points, loss)
     return _view_sentence(fit, outlying, rest) if outlying else ""
 
@@ -92,9 +92,9 @@ def views_in_doubt(
 
 
 def _candidates(model):
-    """Richer models: in words, the model (None if there is none here), and the names of its further columns."""
+    """Richer models: the name, the model (None if there is none here), and the names of its additional columns."""
     named = model.coefficient_names
-    known = ("k1",) if named is None else named  # kappa1 undistorts, and does nearly what k1 does
+    known = ("k1",) if named is None else named  # kappa1 undistorts, but has nearly the effect of k1
     missing = [name for name in ("k1", "k2", "k3") if name not in known]
 
     def richer(coefficients=named, two=model.two, free_center=model.free_center):
@@ -118,7 +118,7 @@ def _candidates(model):
 
 
 def _better_model(fit, object_points, image_points, loss):
-    """Of the richer models that fit significantly better the best by Schwarz's criterion (BIC); None if none does."""
+    """The best richer model by BIC among those that fit significantly better; None if none does."""
     candidates = _candidates(fit.model)
     level, found, coordinates = LEVEL / len(candidates), [], 2 * fit.views.used.sum()
     for (words, model, columns), score in zip(candidates, _scores(fit, candidates), strict=True):
@@ -128,10 +128,10 @@ def _better_model(fit, object_points, image_points, loss):
         if model is not None:
             try:
                 other = fit_views(model, object_points, image_points, loss)
-            except (CalibrationError, np.linalg.LinAlgError):  # it is not determined, though it would fit better
+            except (CalibrationError, np.linalg.LinAlgError):  # the views do not determine it
                 continue
             moved = _compared(other, fit.model) - _compared(fit, fit.model)
-            if loss == "linear":  # a robust loss judges by another scale in another model
+            if loss == "linear":  # with a robust loss each model has its own scale, so squares are not comparable
                 squares = other.squares
         if _tail(fit, squares, len(columns)) < level:
             variance = squares / (fit.freedom - len(columns))
@@ -146,23 +146,20 @@ def _statistic(fit, squares, number):
 
 
 def _tail(fit, squares, number):
-    """Chance of such an F, or a larger one, if the lens is of the fitted model."""
+    """Probability of such an F or a larger one if the lens follows the fitted model."""
     return _f_tail(_statistic(fit, squares, number), number, fit.freedom - number)
 
 
 def _f_tail(ratio, number, freedom):
-    """Chance of an F of at least this ratio."""
+    """Probability of an F of at least this ratio."""
     return fdtrc(number, freedom, np.maximum(ratio, 0))
 
 
 def _scores(fit, candidates):
-    """The squares that each candidate would leave by one Gauss-Newton step, and how far f, c_x and c_y would move.
-
-    None where a candidate's parameters are not determined.
-    """
+    """Sum of squares after one Gauss-Newton step, and the moves of f, c_x and c_y; None if not determined."""
     residuals, jacobian = evaluate(fit.model, fit.views, fit.state)
     residuals = residuals * fit.weights[..., None]
-    residuals *= np.sqrt(fit.squares / np.sum(residuals**2))  # of a robust loss: pseudo-residuals, Huber's
+    residuals *= np.sqrt(fit.squares / np.sum(residuals**2))  # for a robust loss: Huber's pseudo-residuals
     further = _further_columns(fit)
     k, names = len(fit.model.names), list(further)
     columns = np.stack(list(further.values()), axis=-1).reshape(*residuals.shape, -1)
@@ -172,7 +169,7 @@ def _scores(fit, candidates):
     gradient = equations.shared_gradient - (equations.b @ by_gradient).sum(axis=0)[:, 0]
     scale = np.sqrt(np.diagonal(equations.a))
     schur, gradient = schur / np.outer(scale, scale), gradient / scale
-    before = gradient[:k] @ np.linalg.solve(schur[:k, :k], gradient[:k])  # OpenCV's minimum is one to its tolerance
+    before = gradient[:k] @ np.linalg.solve(schur[:k, :k], gradient[:k])  # OpenCV stops near the minimum, not at it
     found = []
     for _, _, wanted in candidates:
         chosen = [*range(k), *(k + names.index(name) for name in wanted)]
@@ -190,7 +187,7 @@ def _scores(fit, candidates):
 
 
 def _further_columns(fit):
-    """Derivatives (V m, 2) of the image by what a richer model may have, by name."""
+    """Derivatives (V m, 2) of the image points by the additional parameters of richer models, by name."""
     turned = fit.views.points @ fit.state.rotations.transpose(0, 2, 1) + fit.state.positions[:, None]
     points = turned.reshape(-1, 3)
     model = OpenCVModel(fit.model.sensor, True, True, COEFFICIENTS)
@@ -201,7 +198,7 @@ def _further_columns(fit):
 
 
 def _in_pixels(fit):
-    """f_x and f_y, the principal point, and OpenCV's coefficients (none for kappa1)."""
+    """f_x and f_y, the principal point, and OpenCV's coefficients (zeros for a model with kappa1)."""
     camera = fit.model.camera(fit.state.shared)
     if isinstance(fit.model, TsaiModel):
         return camera.focal_length * camera.pixels_per_mm, np.array(camera.principal_point), np.zeros(5)
@@ -209,7 +206,7 @@ def _in_pixels(fit):
 
 
 def _compared(fit, model):
-    """f in the unit of a model, and the principal point in px, (3,), of a fit of any model."""
+    """f and the principal point (3,) of a fit of any model; f is in the unit of the given model, the rest in px."""
     (f_x, f_y), center, _ = _in_pixels(fit)
     f = f_y * model.sensor.pixel_pitch[1] if isinstance(model, TsaiModel) else f_x
     return np.array([f, *center])
@@ -223,13 +220,14 @@ def _model_sentence(fit, better):
         if center in fit.covariance.index and _in_sigmas(fit, center, moved) > 1:
             moves.append(f"{center} by {_plain(moved, 2, True)} px, {_in_sigmas(fit, center, moved):.1f}")
     return (
-        f"The points do not fit this model: with {better.words} they fit better (F = {_plain(better.statistic, 3)}), and "
-        f"{'; '.join(moves)}. Stated sigmas and intervals hold for a camera of the model only; free more parameters."
+        f"The points do not fit this model: with {better.words} they fit better (F = {_plain(better.statistic, 3)}), "
+        f"and {'; '.join(moves)}. "
+        "Stated sigmas and intervals hold for a camera of the model only; free more parameters."
     )
 
 
 def _plain(value, digits, sign=False):
-    """A number to some significant digits, without an exponent."""
+    """A number with some significant digits, without an exponent."""
     return np.format_float_positional(value, digits, fractional=False, trim="-", sign=sign)
 
 
@@ -241,9 +239,9 @@ def _in_sigmas(fit, name, moved):
 
 
 def _outlying_views(fit, object_points, image_points, loss):
-    """The views that do not fit the others, counted from 0, and the `Fit` without them; none, and the fit itself.
+    """The views that do not fit the others, counted from 0, and the `Fit` without them (or no views and the same fit).
 
-    The worst is left out as long as one is suspect; in the end each must stand out from the others by itself.
+    Views are left out, worst first, until none is suspect.  Each must then stand out when it alone is put back.
     """
     points, out, rest = (object_points, image_points), [], fit
     try:
@@ -264,7 +262,7 @@ def _outlying_views(fit, object_points, image_points, loss):
 
 
 def _by_the_median(fit):
-    """Variance of each view's residuals by that of the median view."""
+    """Variance of each view's residuals, relative to that of the median view."""
     residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.weights[..., None]
     counts = 2 * fit.views.used.sum(axis=1)
     freedom = np.maximum(counts - 6 - len(fit.model.names) * counts / counts.sum(), 1)
@@ -273,14 +271,14 @@ def _by_the_median(fit):
 
 
 def _stands_out(with_it, rest, number):
-    """Whether the view by which two fits differ fits worse than the rest, one of a number of views."""
+    """Whether the one view that two fits differ by fits significantly worse than the rest of `number` views."""
     freedom = with_it.freedom - rest.freedom
     ratio = (with_it.squares - rest.squares) / freedom / rest.variance
     return ratio > STANDS_OUT and _f_tail(ratio, freedom, rest.freedom) < LEVEL / number
 
 
 def _view_sentence(fit, views, rest):
-    """Which views do not fit, and what the others say without them."""
+    """A sentence that names the views that do not fit, and the result without them."""
     residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.views.used[..., None]
     rms = np.sqrt(np.sum(residuals**2, axis=(1, 2)) / fit.views.used.sum(axis=1))
     which = f"View{'s' * (len(views) > 1)} {', '.join(map(str, views))} (counted from 0)"
@@ -288,9 +286,9 @@ def _view_sentence(fit, views, rest):
     moved = _plain(_compared(rest, fit.model)[0] - _compared(fit, fit.model)[0], 2, True)
     does, it = ("does", "it") if len(views) == 1 else ("do", "them")
     return (
-        f"{which} {does} not fit the others: an rms of {_plain(here, 2)} px, where these alone have {_plain(alone, 2)} px, "
-        f"and without {it} f moves by {moved} {fit.model.unit}. Check the order of the points, wrong corners, and that all "
-        f"images are of one camera, size and focus; or leave {it} out."
+        f"{which} {does} not fit the others: an rms of {_plain(here, 2)} px, where these alone have "
+        f"{_plain(alone, 2)} px, and without {it} f moves by {moved} {fit.model.unit}. Check the order of the points, "
+        f"wrong corners, and that all images are of one camera, size and focus; or leave {it} out."
     )
 
 

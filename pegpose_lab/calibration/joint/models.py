@@ -1,4 +1,4 @@
-"""Lens models for least squares: their parameters, the camera they make, and the projection with its derivatives."""
+"""Lens models for the bundle adjustment: their parameters, their camera, and the projection with its derivatives."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")
 def lens_model(
     sensor: Sensor, free_center: bool, two_focal_lengths: bool, coefficients: str | Sequence[str] | None
 ) -> TsaiModel | OpenCVModel:
-    """The model of these options of `calibrate_joint`; ValueError if there are no such coefficients."""
+    """The model for these options of `calibrate_joint`; ValueError if a coefficient is unknown or repeated."""
     if coefficients is None:
         return TsaiModel(sensor, free_center, two_focal_lengths)
     coefficients = tuple(coefficients) if np.iterable(coefficients) else (coefficients,)
@@ -36,7 +36,7 @@ class TsaiModel:
     """The paper's camera: f, (scale_x), kappa1, (c_x, c_y)."""
 
     unit = "mm"
-    """Of f, the first parameter."""
+    """Unit of f, the first parameter."""
 
     def __init__(self, sensor, free_center, two_focal_lengths):
         self.sensor, self.free_center, self.two = sensor, free_center, two_focal_lengths
@@ -49,7 +49,7 @@ class TsaiModel:
 
     @classmethod
     def known(cls, camera: TsaiCamera) -> TsaiModel:
-        """The model of a camera of which nothing is free."""
+        """The model of a known camera, without free parameters."""
         model = cls(camera.sensor, False, False)
         model.names, model.columns = [], np.zeros(0, int)
         model.held[0], model.held[2] = camera.focal_length, camera.kappa1
@@ -73,7 +73,7 @@ class TsaiModel:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
         r"""Image points (n, 2) of points in the camera frame, and derivatives by the parameters and by the point.
 
-        None where a point has no image.  With :math:`h = 1 / (1 + \kappa_1 r_d^2)` and
+        None if a point has no image.  With :math:`h = 1 / (1 + \kappa_1 r_d^2)` and
         :math:`s = 1 + 3 \kappa_1 r_d^2`, Eq. 3 solved for :math:`x_d = h x_u` has
         :math:`dx_d/dx_u = h I - (2 \kappa_1 h^3 / s) x_u x_u^T` and
         :math:`dx_d/d\kappa_1 = -(h r_d^2 / s) x_u`.
@@ -89,7 +89,7 @@ class TsaiModel:
         h, s = 1 / (1 + kappa1 * squared), 1 + 3 * kappa1 * squared
         if s.min() <= 0:
             return None
-        scale = np.array([scale_x, 1.0]) / self.sensor.pixel_pitch  # as of the camera with these values
+        scale = np.array([scale_x, 1.0]) / self.sensor.pixel_pitch  # px per mm, with the trial's scale_x
         by_x_u = (-2 * kappa1 * h**3 / s)[:, :, None] * x_u[:, :, None] * x_u[:, None, :]
         by_x_u[:, 0, 0] += h[:, 0]
         by_x_u[:, 1, 1] += h[:, 0]
@@ -106,7 +106,7 @@ class TsaiModel:
 
 
 class OpenCVModel:
-    """OpenCV's camera: f_x, (f_y), (c_x, c_y) and coefficients that distort."""
+    """OpenCV's camera: f_x, (f_y), (c_x, c_y) and the coefficients, which distort."""
 
     unit = "px"
 
@@ -171,7 +171,7 @@ class OpenCVModel:
 
 
 class GivenFocalLength:
-    """One of the models without its first parameter, f or f_x."""
+    """One of the models with its first parameter, f or f_x, held at a given value."""
 
     def __init__(self, model, focal_length):
         self.model, self.focal_length, self.names = model, focal_length, model.names[1:]
@@ -190,7 +190,7 @@ class GivenFocalLength:
 def derivative_by_point(
     by_x_u: NDArray[np.float64], x_u: NDArray[np.float64], focal_length: float, points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Derivatives (n, 2, 3) by the point in the camera frame, from those by x_u = f (x, y) / z."""
+    """Derivatives (n, 2, 3) by the point in the camera frame, from the derivatives by x_u = f (x, y) / z."""
     by_point = np.empty((len(points), 2, 3))
     by_point[:, :, :2] = focal_length * by_x_u
     by_point[:, :, 2] = -(by_x_u @ x_u[:, :, None])[:, :, 0]

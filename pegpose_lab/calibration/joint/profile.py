@@ -1,4 +1,4 @@
-"""The profile likelihood of f, and the direction in which the views know least."""
+"""The profile likelihood of f, and the direction that the views determine least."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .models import lens_model
 from .starts import demand_views
 
 PROFILED, PROFILE_STEP = 20.0, 0.05
-"""How far from the best f its profile is followed, as a factor, and in which steps of ln f."""
+"""The profile is followed up to this factor from the best f, in these steps of ln f."""
 
 
 @undetermined_if_singular()
@@ -32,42 +32,43 @@ def profile_focal_length(
     principal_point: str = "free",
     level: float = 0.95,
 ) -> tuple[float, float]:
-    r"""The interval of f by its profile likelihood: all f with which the views can be explained nearly as well.
+    r"""The interval of f by its profile likelihood: all values of f that explain the views nearly as well as the best.
 
-    For each f the sum of squares is minimised over everything else; f belongs to the interval while
+    For each f the sum of squares is minimised over all other parameters.  f belongs to the interval while
 
     .. math:: SSE(f) \le SSE_{min} \left(1 + \frac{F_{level}(1, \nu)}{\nu}\right)
 
-    with :math:`\nu` degrees of freedom.  Unlike +-1.96 sigma it need not be symmetric, and is right where f trades
-    off with T_z along a curve.  Like sigmas it holds if the lens is of the model and the noise independent and alike:
-    the flags of `calibrate_joint` say whether the residuals speak against that.
+    with :math:`\nu` degrees of freedom.  Unlike +-1.96 sigma it need not be symmetric, and it is correct also if f
+    trades off with T_z along a curve.  Like the sigmas it is valid if the lens follows the model and the noise is
+    independent and equal at all points; the flags of `calibrate_joint` tell if the residuals contradict that.
 
     Parameters
     ----------
     object_points, image_points, camera, principal_point
-        As for `calibrate_joint`; one view will do.
+        As for `calibrate_joint`; one view is enough.
     level : float
         Between 0 and 1.
 
     Returns
     -------
     low, high : float
-        mm.  0 or infinity where the interval does not end within a factor `PROFILED` of the best f.
+        mm; 0 or infinity if the interval does not end within a factor `PROFILED` of the best f.
 
     Raises
     ------
     ValueError
         If the input is unusable.
     CalibrationError
-        As `calibrate_joint`, but not because the interval is wide.
+        As for `calibrate_joint`, except that a wide interval is no error.
 
     Examples
     --------
     >>> import numpy as np
     >>> from pegpose_lab import Checkerboard, Sensor, profile_focal_length
     >>> from scipy.spatial.transform import RigidTransform, Rotation
-    >>> camera, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001), Checkerboard().object_points
-    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> camera = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001)
+    >>> board, turns = Checkerboard().object_points, Rotation.from_rotvec(0.5 * np.eye(3))
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], turn) for turn in turns]
     >>> images = [camera.project(board, pose) for pose in poses]
     >>> images = images + 0.1 * np.random.default_rng(0).standard_normal(np.shape(images))
     >>> low, high = profile_focal_length([board] * 3, images, camera.sensor)
@@ -100,14 +101,15 @@ def profile_focal_length(
 
 
 def _profile(fit, focal_length, near):
-    """The smallest sum of squares with a given f, and where it is, found from the state of a near f."""
+    """The smallest sum of squares with a given f, and its state, found from the state of a nearby f."""
     model, state = _with_focal_length(fit, focal_length, near)
     state, equations = minimise(model, fit.views, state, fit.weights)
     return equations.cost, replace(state, shared=np.array([focal_length, *state.shared]))
 
 
 def _crossing(fit, state, outside, limit):
-    """f between a state's and another at which the smallest sum of squares passes the limit, by bisection in ln f."""
+    """The f at which the smallest sum of squares crosses the limit, by bisection in ln f between a state's f and
+    `outside`."""
     while abs(np.log(outside / state.shared[0])) > 1e-5:
         middle = np.sqrt(state.shared[0] * outside)
         cost, found = _profile(fit, middle, state)
@@ -119,7 +121,7 @@ def _crossing(fit, state, outside, limit):
 
 
 def weakest_direction(calibration: Calibration) -> tuple[float, str]:
-    """What the views know least: the combination of the camera's parameters and T_z that has the least information.
+    """The combination of the camera's parameters and T_z about which the views have the least information.
 
     Parameters
     ----------
@@ -132,7 +134,7 @@ def weakest_direction(calibration: Calibration) -> tuple[float, str]:
         Smallest eigenvalue of the inverse covariance with its diagonal scaled to 1: 1 if no parameter is confounded
         with another, 0 if some can change together without moving a point.
     words : str
-        Which ones, for instance "focal_length and T_z trade off".
+        The parameters, for instance "focal_length and T_z trade off".
 
     Raises
     ------
@@ -144,8 +146,9 @@ def weakest_direction(calibration: Calibration) -> tuple[float, str]:
     >>> import numpy as np
     >>> from pegpose_lab import Checkerboard, Sensor, calibrate_joint, weakest_direction
     >>> from scipy.spatial.transform import RigidTransform, Rotation
-    >>> camera, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001), Checkerboard().object_points
-    >>> poses = [RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec(turn)) for turn in 0.5 * np.eye(3)]
+    >>> camera = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001)
+    >>> board, turns = Checkerboard().object_points, Rotation.from_rotvec(0.5 * np.eye(3))
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], turn) for turn in turns]
     >>> images = [camera.project(board, pose) for pose in poses]
     >>> images = images + 0.1 * np.random.default_rng(0).standard_normal(np.shape(images))
     >>> eigenvalue, words = weakest_direction(calibrate_joint([board] * 3, images, camera.sensor))

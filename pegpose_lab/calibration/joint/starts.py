@@ -1,4 +1,4 @@
-"""Where least squares of several views start: homographies and Zhang's constraints on f, or the linear stage 1."""
+"""The start of the bundle adjustment: from homographies and Zhang's constraints on f, or from the linear stage 1."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from .models import OpenCVModel, TsaiModel
 
 DISORDER = 0.25
-"""Residual of a plane's homography, in units of the points' spread per axis, above which their order is wrong: wrong
-orders leave 0.3 to 0.8, lenses of any distortion at most 0.07 and noise of a fifth of a square 0.2."""
+"""The order of a plane's points is wrong if the residual of its homography, in units of the points' spread per axis, is
+above this.  A wrong order leaves 0.3 to 0.8, distortion at most 0.07 and noise of a fifth of a square 0.2."""
 
 
 def demand_views(
@@ -32,12 +32,12 @@ def demand_views(
     image_points: Sequence[NDArray[np.float64]],
     image_size: tuple[int, int],
 ) -> None:
-    """Refuse views whose points all lie outside of the image (where its size is known), or are in another order.
+    """Refuse views whose points all lie outside the image (if its size is known) or are in the wrong order.
 
     Raises
     ------
     ValueError
-        If all points of a view are outside; some are flagged (`result.judge_image_size`).
+        If all points of a view are outside; if only some are, `result.judge_image_size` flags them.
     CalibrationError
         See `demand_order`.
     """
@@ -45,20 +45,20 @@ def demand_views(
         if outside(points, image_size).all():
             (left, top), (right, bottom) = points.min(axis=0), points.max(axis=0)
             raise ValueError(
-                f"image_points{f'[{view}]' * (len(image_points) > 1)} reach from ({left:.1f}, {top:.1f}) to ({right:.1f}, "
-                f"{bottom:.1f}) px, all outside of the image of width {image_size[0]} and height {image_size[1]} px; check "
-                "image_size, and that image_points are of this camera"
+                f"image_points{f'[{view}]' * (len(image_points) > 1)} reach from ({left:.1f}, {top:.1f}) to "
+                f"({right:.1f}, {bottom:.1f}) px, all outside of the image of width {image_size[0]} and height "
+                f"{image_size[1]} px; check image_size, and that image_points are of this camera"
             )
     demand_order(object_points, image_points)
 
 
 def demand_order(object_points: Sequence[NDArray[np.float64]], image_points: Sequence[NDArray[np.float64]]) -> None:
-    """Refuse planes of which the image points are no perspective image, not even roughly: their order is wrong.
+    """Refuse planes whose image points are not even roughly a perspective image: their order is wrong.
 
     Raises
     ------
     CalibrationError
-        With the views, counted from 0.
+        It names the views, counted from 0.
     """
     planar = [view for view, points in enumerate(object_points) if is_planar(points)]
     if not planar:
@@ -71,8 +71,8 @@ def demand_order(object_points: Sequence[NDArray[np.float64]], image_points: Seq
         which = "" if len(object_points) == 1 else f" of view{'s' * (len(wrong) > 1)} {', '.join(map(str, wrong))}"
         raise CalibrationError(
             f"the image points{which} are no image of the plane (a homography misses them by "
-            f"{100 * max(left):.0f} % of their spread): they are not in the order of object_points; check the order, and "
-            "that the board's columns and rows are not mixed up"
+            f"{100 * max(left):.0f} % of their spread): they are not in the order of object_points; check the order, "
+            "and that the board's columns and rows are not mixed up"
         )
 
 
@@ -82,7 +82,7 @@ def find_start(
     object_points: Sequence[NDArray[np.float64]],
     image_points: Sequence[NDArray[np.float64]],
 ) -> State:
-    """Where to start: from homographies if the views are of planes and these give an f, else from stage 1."""
+    """The state to start from: by homographies if all views are of planes and give an f, otherwise by stage 1."""
     matrix, focal_length = np.diag([*model.sensor.pixels_per_mm, 1.0]), None
     matrix[:2, 2] = model.sensor.principal_point
     if all(is_planar(points) for points in object_points):
@@ -105,19 +105,19 @@ def find_start(
 
 
 def plane_rotations(object_points: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Rotations (V, 3, 3) of the objects' frames into those of the planes through their points."""
+    """Rotations (V, 3, 3) from the objects' frames into the frames of the planes through their points."""
     return np.array([plane_rotation(points) for points in object_points])
 
 
 def homographies_of(views: Views, planes: NDArray[np.float64], sensor: Sensor) -> NDArray[np.float64]:
-    """Homographies (V, 3, 3) from the planes (see `plane_rotations`), with the origin at the points' centroid, to the
-    sensor, mm, by the normalised direct linear transform."""
+    """Homographies (V, 3, 3) from the planes (see `plane_rotations`; origin at the points' centroid) to the sensor in
+    mm, by the normalised direct linear transform."""
     return _linear_homographies(views, planes, (views.image - sensor.principal_point) / sensor.pixels_per_mm)[0]
 
 
 def _linear_homographies(views, planes, target):
-    """Homographies (V, 3, 3) from planes to target points (V, m, 2), and the residual of each per point and axis, in
-    units of the target points' spread per axis."""
+    """Homographies (V, 3, 3) from planes to target points (V, m, 2), and the rms residual of each per axis, in units
+    of the target points' spread per axis."""
     in_plane = views.points @ planes.transpose(0, 2, 1)
     source, from_plane = _normalised(in_plane[:, :, :2], views.used)
     target, from_target = _normalised(target, views.used)
@@ -138,7 +138,7 @@ def _linear_homographies(views, planes, target):
 
 
 def _normalised(points, used):
-    """Points with mean 0 and mean square 2, zero where unused, and the matrices (V, 3, 3) that make them so."""
+    """Points scaled to mean 0 and mean square 2, zero where unused, and the matrices (V, 3, 3) that scale them."""
     count = used.sum(axis=1)
     mean = (points * used[:, :, None]).sum(axis=1) / count[:, None]
     points = (points - mean[:, None]) * used[:, :, None]
@@ -150,8 +150,8 @@ def _normalised(points, used):
 
 
 def focal_length_of(homographies: NDArray[np.float64]) -> float | None:
-    """f, mm, by least squares over Zhang's two constraints of each view, or None: the columns h1, h2 of
-    diag(1/f, 1/f, 1) H are orthogonal and of one length."""
+    """f, mm, by least squares over Zhang's two constraints of each view: the columns h1, h2 of diag(1/f, 1/f, 1) H are
+    orthogonal and of equal length.  None if no f fits."""
     h1, h2 = (homographies / np.linalg.norm(homographies, axis=(1, 2), keepdims=True)).transpose(2, 0, 1)[:2]
     lateral = np.concatenate([h1[:, :2] * h2[:, :2], (h1[:, :2] ** 2 - h2[:, :2] ** 2) / 2]).sum(axis=1)
     axial = np.concatenate([h1[:, 2] * h2[:, 2], (h1[:, 2] ** 2 - h2[:, 2] ** 2) / 2])
@@ -162,7 +162,7 @@ def focal_length_of(homographies: NDArray[np.float64]) -> float | None:
 def poses_of(
     homographies: NDArray[np.float64], planes: NDArray[np.float64], focal_length: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Rotations (V, 3, 3) of the objects and positions (V, 3) of their centroids, from the planes' homographies."""
+    """Rotations (V, 3, 3) of the objects and positions (V, 3) of their centroids, by the planes' homographies."""
     columns = np.diag([1 / focal_length, 1 / focal_length, 1.0]) @ homographies
     scale = (np.linalg.norm(columns[:, :, 0], axis=1) + np.linalg.norm(columns[:, :, 1], axis=1)) / 2
     columns = columns * (np.sign(columns[:, 2, 2]) / scale)[:, None, None]
@@ -172,7 +172,7 @@ def poses_of(
 
 
 def _linear_focal_length(object_points, image_points, sensor):
-    """f, mm, of the view whose stage 1 has the smallest relative sigma of f."""
+    """f, mm, by stage 1 of the view that has the smallest relative sigma of f."""
     found, reasons = [], []
     for points, measured in zip(object_points, image_points, strict=True):
         solve = solve_coplanar if is_planar(points) else solve_noncoplanar
@@ -189,7 +189,7 @@ def _linear_focal_length(object_points, image_points, sensor):
 def pnp(
     object_points: NDArray[np.float64], image_points: NDArray[np.float64], camera_matrix: NDArray[np.float64]
 ) -> RigidTransform:
-    """Pose of one view through an undistorted camera, by OpenCV."""
+    """Pose of one view in a camera without distortion, by OpenCV."""
     found, rotation, translation = cv2.solvePnP(
         object_points, image_points, camera_matrix, None, flags=cv2.SOLVEPNP_SQPNP
     )

@@ -1,4 +1,4 @@
-"""All views' points, the parameters that explain them, and the residuals with their derivatives."""
+"""The points of all views, the parameters of a fit, and the residuals with their derivatives."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class LensModel(Protocol):
-    """What least squares asks of a lens model (`models`): the parameters' names, and the projection."""
+    """What the bundle adjustment needs of a lens model (`models`): the parameters' names and the projection."""
 
     names: list[str]
 
@@ -27,7 +27,8 @@ class LensModel(Protocol):
 
 @dataclass(frozen=True)
 class Views:
-    """All views' points (V, m, 3) from their centroids (V, 3), their images (V, m, 2), and 1 where there is one."""
+    """The points (V, m, 3) of all views, relative to their centroids (V, 3); their images (V, m, 2); and `used`
+    (V, m), which is 1 where there is a point."""
 
     points: np.ndarray
     centroids: np.ndarray
@@ -46,9 +47,9 @@ class Views:
 
 @dataclass(frozen=True)
 class State:
-    """Parameters: the camera's, and each view's rotation (V, 3, 3) and position (V, 3) of the centroid.
+    """Parameters: the camera's, and each view's rotation (V, 3, 3) and position of the centroid (V, 3).
 
-    The data determine the centroid's position far better than that of a distant origin.
+    The data determine the position of the centroid far better than that of a distant origin.
     """
 
     shared: np.ndarray
@@ -56,7 +57,7 @@ class State:
     positions: np.ndarray
 
     def moved(self, shared: NDArray[np.float64], turns: NDArray[np.float64], shifts: NDArray[np.float64]) -> State:
-        """After a step; `turns` (V, 3) are rotation vectors about the camera's axes, applied after the rotation."""
+        """The state after a step; `turns` (V, 3) are rotation vectors about the camera's axes, applied last."""
         rotations = Rotation.from_rotvec(turns).as_matrix() @ self.rotations
         return State(self.shared + shared, rotations, self.positions + shifts)
 
@@ -70,7 +71,7 @@ class State:
 
 
 def evaluate(model: LensModel, views: Views, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by the camera, a turn and a shift; None without an image."""
+    """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by camera, turn and shift; None if a point has no image."""
     turned = views.points @ state.rotations.transpose(0, 2, 1)
     points = (turned + state.positions[:, None]).reshape(-1, 3)
     projection = model.project(state.shared, points)

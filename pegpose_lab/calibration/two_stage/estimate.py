@@ -1,4 +1,4 @@
-"""From the radial alignment equations to rotation, translation and f, and their standard deviations."""
+"""Rotation, translation and f from the radial alignment equations, with standard deviations."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,7 +19,7 @@ def _column_norms(matrix):
 
 
 def _solve_ratios(points, sensor_points):
-    """Least squares U; a lost rank is an error."""
+    """The ratios U by least squares; CalibrationError if the equations are rank deficient."""
     design = _design(points, sensor_points)
     scale = _column_norms(design)
     solution, _, rank, _ = np.linalg.lstsq(design / scale, sensor_points[:, 0], rcond=1e-12)
@@ -32,7 +32,7 @@ def _solve_ratios(points, sensor_points):
 
 
 def _estimate(points, sensor_points, ratios):
-    """All that follows from the ratios: rotation, translation, f, s_x."""
+    """Rotation, translation, f and s_x from the ratios."""
     first, second, ty, scale_x = _rows_of_plane(ratios) if len(ratios) == 5 else _rows_of_body(ratios)
     sign = _sign_of_ty(points, sensor_points, ratios)
     rows = np.array([sign * first, sign * second, np.cross(first, second)])
@@ -40,41 +40,41 @@ def _estimate(points, sensor_points, ratios):
     tx, ty = sign * ratios[points.shape[1]] * ty / scale_x, sign * ty
     side = sensor_points[:, 1] * (points @ rotation.as_matrix()[2, : points.shape[1]])
     focal_length, depth = _depth_inverse(points, sensor_points, rotation, ty) @ side
-    if focal_length < 0 and len(ratios) == 5:  # the other choice of r3, r6, and with them r7, r8, is right
+    if focal_length < 0 and len(ratios) == 5:  # the other signs of r3, r6, and so of r7, r8, are correct
         rotation = Rotation.from_matrix(rotation.as_matrix() * [[1, 1, -1], [1, 1, -1], [-1, -1, 1]])
         focal_length, depth = -focal_length, -depth
     return rotation, np.array([tx, ty, depth]), focal_length, scale_x
 
 
 def _rows_of_plane(ratios):
-    """The first two rows of R with one of the two choices of (r3, r6), T_y > 0, and s_x = 1."""
+    """The first two rows of R with one of the two sign choices of (r3, r6), T_y > 0, and s_x = 1."""
     u1, u2, _, u4, u5 = ratios
     s, d = u1**2 + u2**2 + u4**2 + u5**2, u1 * u5 - u2 * u4
     ty = np.sqrt(2 / (s + np.sqrt(max(s**2 - 4 * d**2, 0.0))))
     r1, r2, r4, r5 = u1 * ty, u2 * ty, u4 * ty, u5 * ty
-    product = -(r1 * r4 + r2 * r5)  # the rows are orthogonal: this is r3 r6
+    product = -(r1 * r4 + r2 * r5)  # equals r3 r6, because the rows are orthogonal
     larger = np.sqrt(max(1 - r1**2 - r2**2, 1 - r4**2 - r5**2, 0.0))
-    smaller = product / larger if larger > 0 else 0.0  # its own square root would lose half the digits near 0
+    smaller = product / larger if larger > 0 else 0.0  # a square root would lose half the digits near 0
     r3, r6 = (larger, smaller) if r1**2 + r2**2 < r4**2 + r5**2 else (smaller, larger)
     return np.array([r1, r2, r3]), np.array([r4, r5, r6]), ty, 1.0
 
 
 def _rows_of_body(ratios):
-    """The first two rows of R, orthogonal but for noise, T_y > 0, and s_x."""
+    """The first two rows of R (orthogonal except for noise), T_y > 0, and s_x."""
     ty = 1 / np.linalg.norm(ratios[4:])
     scale_x = ty * np.linalg.norm(ratios[:3])
     return ratios[:3] * ty / scale_x, ratios[4:] * ty, ty, scale_x
 
 
 def _sign_of_ty(points, sensor_points, ratios):
-    """The sign of T_y for which more coordinates fall on the side of the axis where they were seen."""
+    """The sign of T_y for which more coordinates have the sign of the measured ones."""
     x_c, y_c = _scaled_coordinates(points, ratios)
     votes = np.sign(x_c * sensor_points[:, 0]) + np.sign(y_c * sensor_points[:, 1])
     return 1.0 if votes.sum() >= 0 else -1.0
 
 
 def _scaled_coordinates(points, ratios):
-    """s_x x_c / T_y and y_c / T_y of the points."""
+    """The points' s_x x_c / T_y and y_c / T_y."""
     d = points.shape[1]
     return points @ ratios[:d] + ratios[d], points @ ratios[d + 1 :] + 1
 
@@ -93,12 +93,12 @@ def _squared_sine(rotation):
 
 
 def _propagate(points, sensor_points, ratios, rotation, translation):
-    """Standard deviations of f and of sin^2(tilt), from the noise that the radial alignment shows.
+    """Standard deviations of f and of sin^2(tilt), from the residuals of the radial alignment equations.
 
     Rotation and translation are those of `_estimate`.
 
-    Distortion moves a point along its radius, so it is not mistaken for noise.  First order: the noise
-    moves the ratios, and with them R, T_y and f, and it moves the y_d from which f is solved.
+    Distortion moves a point along its radius, so it does not count as noise.  To first order, the noise
+    changes the ratios, and so R, T_y and f; it also changes the y_d from which f is solved.
     """
     x_c, y_c = _scaled_coordinates(points, ratios)  # the equations' derivatives are (-y_c, x_c)
     design = _design(points, sensor_points)
@@ -114,7 +114,7 @@ def _propagate(points, sensor_points, ratios, rotation, translation):
 
 
 def _gradient(points, sensor_points, ratios, scale):
-    """Central differences (2, len(ratios)) of f and sin^2(tilt)."""
+    """Derivatives (2, len(ratios)) of f and sin^2(tilt) by the ratios, by central differences."""
     steps = np.diag(1e-6 * np.linalg.norm(ratios * scale) / scale)
     outcomes = _outcomes(points, sensor_points, np.concatenate([ratios + steps, ratios - steps]))
     above, below = np.split(outcomes, 2)
@@ -122,7 +122,7 @@ def _gradient(points, sensor_points, ratios, scale):
 
 
 def _outcomes(points, sensor_points, moved):
-    """f and sin^2(tilt), (k, 2), of several ratios (k, 5 or 7)."""
+    """f and sin^2(tilt), (k, 2), for several sets of ratios (k, 5 or 7)."""
     if moved.shape[1] == 5:
         focal_length, _, _, third = solve_ratios(points, sensor_points, moved)
         return np.column_stack([focal_length, np.sum(third[:, :2] ** 2, axis=1)])

@@ -1,4 +1,4 @@
-"""What to say of a solution on the edge of its box."""
+"""What to report about a solution on the edge of its box."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from ..joint.profile import profile_focal_length
 
 
 def edge_intervals(object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera) -> str:
-    """What one view knows of f without a box, in words: to ask where a solution sits on the edge of its box.
+    """Say in words what one view tells about f without a box; useful if a solution lies on the edge of its box.
 
-    A wrong principal point moves f by more than the interval with it held says, so both intervals are told.
+    A wrong principal point can move f out of the interval for a fixed principal point, so both intervals are given.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Between the chromosomes (f, T_z) in the box of Eq. 5 and the genes that the algorithm works on."""
+"""Conversion between the chromosomes (f, T_z) in the box of Eq. 5 and the genes of the algorithm."""
 
 import numpy as np
 
@@ -8,22 +8,22 @@ BOX = 0.25
 """Half-width of stage 2's box, as a fraction of the linear f and T_z (Eq. 5)."""
 
 EDGE = 1e-3
-"""A solution within this fraction of the box's width of its edge is said to sit on the edge."""
+"""A solution lies on the edge of the box if its distance from the edge is below this fraction of the box's width."""
 
 OVERSHOOT = 1e3
-"""Added to the objective, px, per fraction of the box's width by which a chromosome's f leaves it."""
+"""Penalty, px, per width of the box by which a chromosome's f lies outside it."""
 
 
 class _Genes:
-    """Between the chromosomes (f, T_z) in the box of Eq. 5 and the genes that the algorithm moves.
+    """Converts between the chromosomes (f, T_z) in the box of Eq. 5 and the genes of the algorithm.
 
     ``"printed"`` genes are (f, T_z) themselves.  ``"magnification"`` genes are (m, T_z) with
-    m = f / (T_z + mean c_2), the magnification at the centroid of the points: f and T_z lie in a valley
-    as narrow as m is certain and as long as T_z is not, and these genes are its axes.  The box is the
-    same: m has the range that the box allows; f outside is clipped, and what was clipped is penalised
-    (clipping alone would make the corners of the box attractive, as many m would mean the same f there).
-    An optimum on the edge in f then lies on an oblique ridge that these genes climb slowly: of 25 seeds on each of
-    11 such simulated views 225 of 275 end within 1e-4 px of it, the worst 0.045 px above.
+    m = f / (T_z + mean c_2), the magnification at the centroid of the points.  f and T_z lie in a valley
+    that is narrow because m is well determined, and long because T_z is not; these genes are its axes.  The box is
+    the same: m has the range that the box allows, f outside the box is clipped, and the clipped part is penalised.
+    (Clipping alone would favour the corners of the box, because many values of m would give the same f there.)
+    If the optimum lies on the edge in f, it lies on an oblique ridge, which these genes climb slowly: with 25 seeds
+    on each of 11 such simulated views, 225 of 275 runs end within 1e-4 px of it, and the worst 0.045 px above.
     """
 
     def __init__(self, form, linear, c2, box):
@@ -32,12 +32,12 @@ class _Genes:
         half = box * np.abs(centre)
         self.form, self.lower, self.upper = form, centre - half, centre + half
         self.mean_c2 = c2.mean()
-        self.smallest_depth = 0.1 * (centre[1] + self.mean_c2)  # where the box reaches behind the camera
+        self.smallest_depth = 0.1 * (centre[1] + self.mean_c2)  # if the box reaches behind the camera
         self.initial = centre if form == "printed" else np.array([centre[0] / self.depth(centre[1]), centre[1]])
 
     @classmethod
     def stack(cls, codings):
-        """The genes of several runs as one, which takes genes (r, m, 2)."""
+        """Combine the codings of several runs into one, which takes genes (r, m, 2)."""
         both = object.__new__(cls)
         both.form = codings[0].form
         for name in ("lower", "upper", "mean_c2", "smallest_depth"):
@@ -65,7 +65,7 @@ class _Genes:
         return np.stack([focal_length, genes[..., 1]], axis=-1)
 
     def penalty(self, genes):
-        """What is added to the objective of genes (..., 2) whose f was clipped, px."""
+        """The penalty, px, for genes (..., 2) whose f was clipped."""
         if self.form == "printed":
             return np.zeros(genes.shape[:-1])
         focal_length, lower, upper = self._focal_length(genes), self.lower[..., 0], self.upper[..., 0]
@@ -76,7 +76,7 @@ class _Genes:
         return genes[..., 0] * self.depth(genes[..., 1])
 
     def flags(self, chromosome):
-        """A flag if the chromosome sits on the edge of the box."""
+        """A flag if the chromosome lies on the edge of the box."""
         gap = np.minimum(chromosome - self.lower, self.upper - chromosome) / (self.upper - self.lower)
         names = [name for name, value in zip(("f", "T_z"), gap, strict=True) if value < EDGE]
         if not names:

@@ -1,4 +1,4 @@
-"""A real-coded genetic algorithm over a box (Sect. 3.1, "GA operators").  It knows nothing of cameras.
+"""A real-coded genetic algorithm over a box (Sect. 3.1, "GA operators").  It knows nothing about cameras.
 
 One generation of `minimize_genetic`::
 
@@ -6,12 +6,12 @@ One generation of `minimize_genetic`::
     children (n)    --clipped to the box, evaluated-->  the best n of parents and children survive
 
 The paper fixes real genes, proportionate reproduction, blend crossover with alpha = 0.75 (Eq. 9) and power
-mutation (Eq. 10), and says that "bad off-springs ... will be eliminated by the subsequent reproduction phase":
-hence the competition of parents and children.  It prints neither the map from objective to fitness, the
-population, the generations, the rate and index of the mutation nor what happens outside the bounds; here they
-are arguments or stated with the function that settles them.
+mutation (Eq. 10).  It says that "bad off-springs ... will be eliminated by the subsequent reproduction phase", so here
+parents and children compete.  The paper does not give the map from objective to fitness, the size of the population,
+the number of generations, the rate and index of the mutation, or what happens outside the bounds.  Here these are
+arguments, or the function that decides them documents them.
 
-Eqs. 9 and 10 are kept both ``"printed"`` and ``"corrected"``.  Each operator is a function of its own.
+Eqs. 9 and 10 are available both ``"printed"`` and ``"corrected"``.  Each operator is a function of its own.
 """
 
 from __future__ import annotations
@@ -35,22 +35,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class GeneticResult:
-    """What `minimize_genetic` found.
+    """The result of `minimize_genetic`.
 
     Attributes
     ----------
     x : (d,) ndarray
         The best chromosome.
     fun : float
-        Its objective.
+        Its objective value.
     evaluations : int
-        Chromosomes evaluated.
+        Number of chromosomes evaluated.
     history : DataFrame
-        A row a generation, from 0 (the initial population): ``generation``, ``evaluations``; ``best``,
+        One row per generation, from 0 (the initial population): ``generation``, ``evaluations``; ``best``,
         ``mean``, ``median``, ``worst``, ``std`` of the objective; ``spread_0`` ... ``spread_<d-1>``, the
         standard deviation of each gene as a fraction of its box.
     populations : (generations + 1, n, d) ndarray or None
-        Every generation, best chromosome first, if they were asked for.
+        Every generation, best chromosome first, if requested.
     """
 
     x: np.ndarray
@@ -78,27 +78,27 @@ def minimize_genetic(
 ) -> GeneticResult:
     """Minimise a function over a box with the paper's genetic algorithm (Eqs. 4, 5, 8-10).
 
-    Selection is proportionate (`roulette`), survival elitist: of the `population_size` parents and as many
-    children the best `population_size` live on, so the best chromosome is never lost.  Genes of children
-    that leave the box are set to its edge (Eq. 8's constraint).  All generations are run.
+    Selection is proportionate (`roulette`) and survival is elitist: the best `population_size` of the parents and
+    equally many children survive, so the best chromosome is never lost.  Genes of children outside the box are set
+    to its edge (Eq. 8's constraint).  All generations are run.
 
     Parameters
     ----------
     objective : callable
-        Maps chromosomes (n, d) to finite values (n,); called once a generation.
+        Maps chromosomes (n, d) to finite values (n,); called once per generation.
     bounds : (d, 2) array_like
         Lower and upper bound of each gene (Eq. 5).
     initial : (d,) array_like, optional
-        A chromosome in the box.  With ``initialisation="equal"`` the whole first generation, with
-        ``"uniform"`` its first member.
+        A chromosome in the box.  With ``initialisation="equal"`` it fills the whole first generation; with
+        ``"uniform"`` it is the first member.
     population_size, generations : int
-        Chromosomes in a generation (at least 2), and generations after the first (at least 1).
+        Number of chromosomes in a generation (at least 2), and of generations after the first (at least 1).
     initialisation : {"uniform", "equal"}
-        First generation: uniform over the box, or equal chromosomes as Eq. 4 prints it.
+        First generation: uniform over the box, or equal chromosomes as in Eq. 4.
     crossover, alpha
         Form of Eq. 9 and its alpha, see `blend_crossover`.
     mutation, mutation_index, mutation_rate
-        Form of Eq. 10, its index p and the probability of a gene to mutate, see `power_mutation`.
+        Form of Eq. 10, its index p and the probability that a gene mutates, see `power_mutation`.
     keep_populations : bool
         Keep every generation in the result.
     rng : None, int or Generator
@@ -134,28 +134,28 @@ def repeat_genetic(
     rngs: Sequence[int | np.random.Generator | None],
     **options: Any,
 ) -> list[GeneticResult]:
-    """`minimize_genetic` for many runs side by side, which takes a fraction of the time of one after the other.
+    """Run `minimize_genetic` many times side by side, which takes a fraction of the time of separate runs.
 
     Parameters
     ----------
     objective : callable
-        Maps the chromosomes of all r runs (r, n, d) to finite values (r, n); called once a generation.
+        Maps the chromosomes of all r runs (r, n, d) to finite values (r, n); called once per generation.
     bounds : (d, 2) or (r, d, 2) array_like
-        Of all runs or of each.
+        For all runs or for each run.
     rngs : sequence
-        The source of randomness of each run, None, int or Generator.
+        The source of randomness of each run: None, int or Generator.
     **options
-        Of `minimize_genetic`; `initial` may be (r, d), one for each run.
+        Options of `minimize_genetic`; `initial` may be (r, d), one for each run.
 
     Returns
     -------
     list of GeneticResult
-        A run's result is that of `minimize_genetic`, but for the last digits.
+        Each run has the result of `minimize_genetic`, except for the last digits.
 
     Raises
     ------
     ValueError
-        As `minimize_genetic`; if there is no run, or an option is unknown.
+        As for `minimize_genetic`; also if there is no run or an option is unknown.
     """
     unknown = set(options) - set(_OPTIONS)
     if unknown or not len(rngs):
@@ -197,7 +197,7 @@ def repeat_genetic(
 
 
 class _SideBySide:
-    """The generators of several runs: each draws for its own run, along the first axis of what is asked for."""
+    """The random generators of several runs: each draws for its own run, along the first axis of the result."""
 
     def __init__(self, rngs):
         self.generators = [np.random.default_rng(rng) for rng in rngs]
@@ -223,7 +223,7 @@ def _children(population, values, lower, upper, rng, settings):
 
 
 def _survivors(population, values, size):
-    """Of each run the best `size` chromosomes and their values, best first; the older one wins a tie."""
+    """The best `size` chromosomes of each run and their values, best first; the older one wins a tie."""
     order = np.argsort(values, axis=1, kind="stable")[:, :size]
     return np.take_along_axis(population, order[..., None], axis=1), np.take_along_axis(values, order, axis=1)
 
@@ -239,7 +239,7 @@ def _evaluate(objective, population):
 
 
 def _summary(population, values, lower, upper):
-    """One row of each run's history; `values` is sorted."""
+    """One row of each run's history; `values` must be sorted."""
     spread = population.std(axis=1) / (upper - lower).reshape(-1, population.shape[-1])
     middle = values.shape[1] // 2
     return {
@@ -253,7 +253,7 @@ def _summary(population, values, lower, upper):
 
 
 def _as_bounds(bounds):
-    """Lower and upper bounds, each (d,), or (r, 1, d) if every run has its own."""
+    """Lower and upper bounds, each (d,), or (r, 1, d) if every run has its own bounds."""
     shape = np.shape(bounds)
     flat = as_points(np.reshape(bounds, (-1, shape[-1])) if len(shape) == 3 else bounds, 2, "bounds")
     if np.any(flat[:, 0] >= flat[:, 1]):

@@ -1,4 +1,4 @@
-"""What stage 2 minimises: the mean distance (Eq. 7), with kappa1 by Eq. 6."""
+"""The objective of stage 2: the mean distance (Eq. 7), with kappa1 by Eq. 6."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 PENALTY = 1e6
-"""Objective, px, of a chromosome for which a point lies behind the camera or has no image."""
+"""Objective, px, for a chromosome for which a point lies behind the camera or has no image."""
 
 
 def kappa1_per_point(
@@ -32,9 +32,9 @@ def kappa1_per_point(
     .. math:: \kappa_1 = \frac{c_3 f}{c_1 (c_2 + T_z)} - \frac{c_4}{c_1}
 
     with :math:`c_1 = d_y y_i r^2`, :math:`c_2 = r_7 x_w + r_8 y_w`, :math:`c_3 = r_4 x_w + r_5 y_w + T_y`,
-    :math:`c_4 = d_y' y_i` of each point (n,), in mm on the sensor and in the world (`TwoStageObjective`
-    has them).  `focal_length` and `t_z` broadcast against them.  A point on the camera's x axis, c1 = 0,
-    says nothing of distortion and gets 0.
+    :math:`c_4 = d_y' y_i` of each point (n,), in mm on the sensor and in the world (see `TwoStageObjective`).
+    `focal_length` and `t_z` broadcast against them.  A point on the camera's x axis (c1 = 0) tells nothing
+    about distortion and gets 0.
     """
     on_axis = c1 == 0
     safe = np.where(on_axis, 1.0, c1)
@@ -49,11 +49,11 @@ def kappa1_shared(
     c3: NDArray[np.float64],
     c4: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    r"""One kappa1, mm^-2, for all points: least squares of Eq. 6's y equation; arguments as `kappa1_per_point`.
+    r"""One kappa1, mm^-2, for all points, by least squares of Eq. 6's y equation; arguments as for `kappa1_per_point`.
 
     .. math:: \kappa_1 = \frac{\sum c_1 \, (c_3 f / (c_2 + T_z) - c_4)}{\sum c_1^2}
 
-    The sums run over the last axis, which stays with length 1.
+    The sums run over the last axis, which is kept with length 1.
     """
     y_u = c3 * focal_length / (c2 + t_z)
     return np.sum(c1 * (y_u - c4), axis=-1, keepdims=True) / np.sum(c1**2, axis=-1, keepdims=True)
@@ -72,8 +72,8 @@ class TwoStageObjective:
         Stage 1 of the same view (`calibrate_tsai`).
     kappa1 : {"shared", "per-point"}
         One coefficient per chromosome (`kappa1_shared`), or one per point, exactly as Eq. 6 is printed.
-        Then each y residual is zero, and with the measured radius in Eq. 3 each x residual depends on
-        neither f nor T_z: Eq. 7 is the same for all chromosomes.
+        With one per point, each y residual is zero, and with the measured radius in Eq. 3 each x residual depends on
+        neither f nor T_z.  So Eq. 7 is then the same for all chromosomes.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ class TwoStageObjective:
 
     @classmethod
     def stack(cls, objectives: Sequence[TwoStageObjective]) -> TwoStageObjective:
-        """Several objectives of equally many points as one: chromosomes (r, m, 2), the r-th for the r-th of them."""
+        """Combine r objectives with equal numbers of points; chromosomes (r, m, 2) then have one row per objective."""
         both = object.__new__(cls)
         both.form = objectives[0].form
         for name in ("pixels_per_mm", "sensor_points", "squared_radius", "x_c", "c1", "c2", "c3", "c4", "lateral"):
@@ -131,7 +131,7 @@ class TwoStageObjective:
         return self._kappa1(*self._in_front(chromosomes)[:2])
 
     def _in_front(self, chromosomes):
-        """Columns f and T_z (m, 1), and whether all points lie in front (m,); where not, some other T_z."""
+        """Columns f and T_z (m, 1), and whether all points are in front (m,); if not, T_z gets a valid value."""
         focal_length, t_z = np.moveaxis(np.asarray(chromosomes, np.float64), -1, 0)[..., None]
         nearest = self.c2.min(axis=-1, keepdims=True)
         front = nearest + t_z > 0

@@ -23,14 +23,14 @@ def first_generation(
 ) -> NDArray[np.float64]:
     r"""Return the first generation (size, d), or (r, size, d) of r runs if `size` is (r, size).
 
-    ``"uniform"`` draws it from the box, with `initial`, if given, as its first member; ``"equal"`` is
-    Eq. 4: :math:`q^j_1 = q_{linear}` for all j.  Equal parents have equal children, so from there only
-    mutation moves.
+    ``"uniform"`` draws it from the box, with `initial`, if given, as its first member.  ``"equal"`` is
+    Eq. 4: :math:`q^j_1 = q_{linear}` for all j.  Crossover of equal parents gives equal children, so only
+    mutation can change them.
 
     Raises
     ------
     ValueError
-        If the form is unknown, or `initial` is missing, of another length or outside the box.
+        If the form is unknown, or `initial` is missing, has another length or lies outside the box.
     """
     as_choice(form, "initialisation", ("uniform", "equal"))
     shape = (*np.atleast_1d(size), np.shape(lower)[-1])
@@ -52,12 +52,12 @@ def first_generation(
 def roulette(values: ArrayLike, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
     r"""Proportionate reproduction: draw `size` indices with probability proportional to fitness.
 
-    The paper does not print the fitness of an objective to be minimised.  Here it falls linearly from the
-    best to the worst of the population, which gets none: :math:`F_j = \max_i E_i - E_j`; if all are equal,
-    so are their chances.  This map does not change with the unit or the zero of E.
+    The paper does not give the fitness for an objective to be minimised.  Here it falls linearly from the best
+    of the population to the worst, which gets zero: :math:`F_j = \max_i E_i - E_j`.  If all values are equal, all
+    probabilities are equal.  This map does not depend on the unit or the zero of E.
 
-    The draw is a uniform number on the cumulated chances, one number an index whatever the values are: what
-    is drawn afterwards does not depend on whether rounding makes two values equal.
+    Each index is drawn by one uniform number on the cumulated probabilities, whatever the values are.  So later
+    draws do not depend on whether rounding makes two values equal.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def blend_crossover(
         The mating pool; leading axes are runs.
     rng : Generator
     alpha : float
-        By how much of the parents' distance the interval is widened on each side.
+        Fraction of the parents' distance by which the interval is widened on each side.
     form : {"corrected", "printed"}
 
     Returns
@@ -118,7 +118,7 @@ def blend_crossover(
     References
     ----------
     L. J. Eshelman and J. D. Schaffer, "Real-coded genetic algorithms and interval-schemata", Foundations of Genetic
-    Algorithms 2, 1993.
+    Algorithms 2, 187-202, 1993.
     """
     as_choice(form, "crossover", ("corrected", "printed"))
     alpha = as_number(alpha, "alpha", 0)
@@ -148,10 +148,10 @@ def power_mutation(
         q' = \begin{cases} q - s (q - q_{min}) & u < r \\ q + s (q_{max} - q) & u \ge r \end{cases}
         \qquad u = \frac{q - q_{min}}{q_{max} - q_{min}}
 
-    with r and s_r uniform between 0 and 1.  ``"corrected"`` is this with :math:`s = s_r^p`, mostly small steps
-    for p > 1 that never leave the box.  ``"printed"`` subtracts in both branches and takes
-    :math:`s = p\, s_r^{p-1}`, the density of the power distribution and not a sample of it: up to p times
-    the way to the bound, or out of the box on the other side.
+    with r and s_r uniform between 0 and 1.  ``"corrected"`` takes :math:`s = s_r^p`: for p > 1 most steps are
+    small, and no step leaves the box.  ``"printed"`` subtracts in both branches and takes
+    :math:`s = p\, s_r^{p-1}`, which is the density of the power distribution and not a sample from it.  Its steps are
+    up to p times the distance to the bound, or leave the box on the other side.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def power_mutation(
     index : float
         p > 0, the index of the distribution.
     rate : float
-        Probability of a gene to mutate.
+        Probability that a gene mutates.
     form : {"corrected", "printed"}
 
     Returns
@@ -182,13 +182,13 @@ def power_mutation(
 
     References
     ----------
-    K. Deep and M. Thakur, "A new mutation operator for real coded genetic algorithms", Applied Mathematics and Computation
-    193(1), 2007.
+    K. Deep and M. Thakur, "A new mutation operator for real coded genetic algorithms", Applied Mathematics and
+    Computation 193(1), 211-230, 2007.
     """
     as_choice(form, "mutation", ("corrected", "printed"))
     index, rate = as_number(index, "mutation_index", 0, exclusive=True), as_number(rate, "mutation_rate", 0, 1)
     chosen, direction, sample = (rng.random(population.shape) for _ in range(3))
-    sample = 1 - sample  # in (0, 1]: zero has no power p - 1 < 0
+    sample = 1 - sample  # in (0, 1], because zero has no power p - 1 < 0
     position = (population - lower) / (upper - lower)
     if form == "corrected":
         step, towards_upper = sample**index, upper - population

@@ -1,4 +1,4 @@
-"""The best that stage 2 can find: the optimum in the box of Eq. 5, by scanning and narrowing."""
+"""The optimum in the box of Eq. 5, which is the best that stage 2 can find, by ever narrower scans."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from .objective import PENALTY, TwoStageObjective
 from .stages import calibrate_tsai, calibration_at
 
 SCANNED, SCANNED_F = 401, 41
-"""Values of T_z across the box that `optimum_in_box` starts from, and of f for each of them."""
+"""Number of T_z values across the box with which `optimum_in_box` starts, and of f values for each of them."""
 
 STARTS = 3
 NARROWED = 9
-"""Points of each later, narrower scan: it is a quarter as wide as the one before."""
+"""Number of points of each later scan; it is a quarter as wide as the one before."""
 
 COARSE, FINE = 8, 25
-"""Narrower scans that find the valleys, to 1e-6 of the box, and that end at the last digits."""
+"""Numbers of narrower scans: to find the valleys to 1e-6 of the box, and to end at the last digits."""
 
 
 @undetermined_if_singular()
 def optimum_in_box(
     object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera, *, box: float = BOX
 ) -> Calibration:
-    r"""The best that stage 2 can find: the smallest Eq. 7 in the box of Eq. 5, without chance.  Judge the GA by it.
+    r"""The smallest Eq. 7 in the box of Eq. 5, found without randomness.  The genetic algorithm is judged by it.
 
-    The search has two unknowns, so it can be done in one: over T_z, of
+    The search has two unknowns, but it can be reduced to a search over T_z alone, of
 
     .. math:: g(T_z) = \min_{f_{low} \le f \le f_{high}} E(f, T_z),
 
-    a valley's floor, however oblique and narrow the valley, and the edge of the box where the valley leaves it.  For a
-    given T_z the undistorted problem is linear in f and kappa1, and E has one minimum, between the neighbours of the
-    best of `SCANNED_F` values; ever narrower scans find it.  g is scanned at `SCANNED` values of T_z and its `STARTS`
-    deepest valleys are narrowed alike, to the last digits.
+    which follows the floor of a valley, however oblique and narrow it is, and the edge of the box where the valley
+    leaves the box.  For a given T_z the undistorted problem is linear in f and kappa1, and E has one minimum.  It lies
+    between the neighbours of the best of `SCANNED_F` values, and ever narrower scans find it.  g is scanned at
+    `SCANNED` values of T_z, and its `STARTS` deepest valleys are narrowed in the same way, to the last digits.
 
     Parameters
     ----------
@@ -48,12 +48,12 @@ def optimum_in_box(
     Returns
     -------
     Calibration
-        With flags if the optimum sits on the edge of its box.
+        With flags if the optimum lies on the edge of its box.
 
     Raises
     ------
     ValueError, CalibrationError
-        As `calibrate_genetic`.
+        As for `calibrate_genetic`.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def optimum_in_box(
 
 
 def _valley_floor(objective, t_z, f_range, scans):
-    """The f within its range, ends included, with the smallest Eq. 7 for each T_z (any shape), and that value, px."""
+    """For each T_z (any shape): the f in its range, ends included, with the smallest Eq. 7, and that value, px."""
     shape, t_z = np.shape(t_z), np.ravel(t_z)
 
     def at(f):
@@ -100,7 +100,7 @@ def _valley_floor(objective, t_z, f_range, scans):
 
 
 def _narrow(function, low, high, points, scans):
-    """Where a function of (n, k) is smallest between low (n,) and high (n,), both included, and its value there."""
+    """The minimum of a function of (n, k) between low (n,) and high (n,), both included: its place and value, (n,)."""
     for count in (points, *[NARROWED] * scans):
         places = np.linspace(low, high, count, axis=1)
         values = function(places)

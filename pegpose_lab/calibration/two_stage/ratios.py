@@ -1,7 +1,7 @@
 """The algebra of Tsai's linear solution of a plane (`tsai`), for many solutions at once.
 
-`tsai` solves and judges one image.  Here are the same equations along arrays, without guards and judgement: for the
-derivatives by which `tsai` propagates noise, and for simulations of many images of one board.
+`tsai` solves and judges one image.  This file has the same equations for arrays, without checks: for the derivatives
+with which `tsai` propagates noise, and for simulations of many images of one board.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from ...checks import CalibrationError, as_points
 def solve_images(
     object_points: ArrayLike, image_points: ArrayLike, camera: Sensor | TsaiCamera
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    r"""Solve many images of one board by the linear solution alone, as a simulation needs it.
+    r"""Solve many images of one board by the linear solution only, for simulations.
 
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm, n >= 5, with z = 0; the world's origin must not lie near the plane y_c = 0, which nothing guards against here.
+        mm, n >= 5, with z = 0.  The world's origin must not lie near the plane y_c = 0; this is not checked.
     image_points : (m, n, 2) array_like
         px.
     camera : Sensor or TsaiCamera
@@ -30,14 +30,14 @@ def solve_images(
     Returns
     -------
     (m,) ndarray, (m,) ndarray, (m,) ndarray
-        f and T_z, mm, and the mean distance of Eq. 7, px, of each image, as `calibrate_tsai` has them.
+        f and T_z, mm, and the mean distance of Eq. 7, px, of each image, as by `calibrate_tsai`.
 
     Raises
     ------
     ValueError
         If the points do not lie in z = 0, or the shapes do not fit.
     CalibrationError
-        If an image has no solution with the whole board before the camera.
+        If an image has no solution with the whole board in front of the camera.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def solve_images(
 
 
 def _ratios(points, sensor_points):
-    """(m, 5) ratios U of the radial alignment equations, least squares with scaled columns."""
+    """Ratios U (m, 5) of the radial alignment equations, by least squares with scaled columns."""
     x_d, y_d = sensor_points[..., :1], sensor_points[..., 1:]
     design = np.concatenate([y_d * points, y_d, -x_d * points], axis=-1)
     scale = np.linalg.norm(design, axis=1, keepdims=True)
@@ -82,14 +82,14 @@ def _ratios(points, sensor_points):
 def solve_ratios(
     points: NDArray[np.float64], sensor_points: NDArray[np.float64], ratios: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    r"""All that follows from the ratios :math:`U = (r_1, r_2, T_x, r_4, r_5) / T_y` of a plane z = 0.
+    r"""f and the pose from the ratios :math:`U = (r_1, r_2, T_x, r_4, r_5) / T_y` of a plane z = 0.
 
     Parameters
     ----------
     points : (n, 2) ndarray
         x, y, mm.
     sensor_points : (n, 2) or (m, n, 2) ndarray
-        mm, of all or of each.
+        mm, for all sets of ratios or for each.
     ratios : (m, 5) ndarray
 
     Returns
@@ -104,7 +104,7 @@ def solve_ratios(
     t_y = np.sqrt(2 / (s + np.sqrt(np.maximum(s**2 - 4 * d**2, 0.0))))
     t_y = t_y * np.where(_votes(points, sensor_points, ratios) >= 0, 1.0, -1.0)
     r1, r2, t_x, r4, r5 = u1 * t_y, u2 * t_y, u3 * t_y, u4 * t_y, u5 * t_y
-    product = -(r1 * r4 + r2 * r5)  # the rows are orthogonal: this is r3 r6
+    product = -(r1 * r4 + r2 * r5)  # equals r3 r6, because the rows are orthogonal
     rest = 1 - r1**2 - r2**2, 1 - r4**2 - r5**2
     larger = np.sqrt(np.maximum(np.maximum(*rest), 0.0))
     smaller = np.divide(product, larger, out=np.zeros_like(product), where=larger > 0)
@@ -116,7 +116,9 @@ def solve_ratios(
     design = np.stack([y_c, np.broadcast_to(-y_d, y_c.shape)], axis=-1)
     scale = np.linalg.norm(design, axis=1, keepdims=True)
     focal_length, depth = ((np.linalg.pinv(design / scale) @ side[..., None])[..., 0] / scale[:, 0]).T
-    sign = np.where(focal_length < 0, -1.0, 1.0)  # the other choice of r3, r6, and with them r7, r8, is right
+    sign = np.where(
+        focal_length < 0, -1.0, 1.0
+    )  # if negative, the other signs of r3, r6, and so of r7, r8, are correct
     return (
         sign * focal_length,
         np.stack([r1, r2, t_x], axis=-1),
@@ -126,7 +128,7 @@ def solve_ratios(
 
 
 def _votes(points, sensor_points, ratios):
-    """For T_y > 0 the coordinates on the side of the axis where they were seen, less those on the other."""
+    """For T_y > 0: the number of coordinates with the sign of the measured ones, minus the number of the others."""
     x_c, y_c = ratios[:, :2] @ points.T + ratios[:, 2:3], ratios[:, 3:] @ points.T + 1
     x_d, y_d = np.moveaxis(sensor_points, -1, 0)
     return np.sum(np.sign(x_c * x_d) + np.sign(y_c * y_d), axis=-1)

@@ -1,7 +1,7 @@
 """The paper's two stages for one view: Tsai's linear solution, then a genetic algorithm on (f, T_z).
 
-Stage 1 is `calibrate_tsai` (the algebra is in `tsai`), stage 2 `calibrate_genetic` (the algorithm is in
-`genetic`); between them lies `TwoStageObjective`, Eqs. 6 and 7 for many chromosomes at once.
+Stage 1 is `calibrate_tsai` (its algebra is in `tsai`) and stage 2 is `calibrate_genetic` (its algorithm is in
+`genetic`).  `TwoStageObjective` connects them: it has Eqs. 6 and 7 for many chromosomes at once.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIDE_BY_SIDE = 8
-"""Runs of the genetic algorithm that are evaluated together: their arrays still fit into a processor's cache."""
+"""Number of genetic algorithm runs evaluated together; their arrays still fit into a processor's cache."""
 
 
 @undetermined_if_singular()
@@ -39,12 +39,12 @@ def calibrate_tsai(object_points: ArrayLike, image_points: ArrayLike, camera: Se
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm.  Of one plane (a board, also as measured, in any frame; n >= 5): `solve_coplanar`; else (n >= 7)
-        `solve_noncoplanar`, which also corrects scale_x.
+        mm.  Points of one plane (n >= 5; an ideal or measured board, in any frame) are solved by `solve_coplanar`,
+        others (n >= 7) by `solve_noncoplanar`, which also corrects scale_x.
     image_points : (n, 2) array_like
         px.
     camera : Sensor or TsaiCamera
-        Gives pixel pitch, principal point, image size and scale_x; f and kappa1 of a camera are not used.
+        Gives the pixel pitch, principal point, image size and scale_x; f and kappa1 of a camera are not used.
 
     Returns
     -------
@@ -70,8 +70,8 @@ def calibrate_tsai(object_points: ArrayLike, image_points: ArrayLike, camera: Se
 
     References
     ----------
-    R. Y. Tsai, "A versatile camera calibration technique for high-accuracy 3D machine vision metrology using off-the-shelf TV
-    cameras and lenses", IEEE Journal of Robotics and Automation 3(4), 1987.
+    R. Y. Tsai, "A versatile camera calibration technique for high-accuracy 3D machine vision metrology using
+    off-the-shelf TV cameras and lenses", IEEE Journal of Robotics and Automation 3(4), 323-344, 1987.
     """
     object_points, image_points = as_matched_points(object_points, image_points, MINIMUM_POINTS)
     sensor = as_sensor(camera)
@@ -100,7 +100,7 @@ def calibrate_genetic(
     r"""Both stages of the paper for one view: Tsai's linear solution, then the genetic algorithm.
 
     Stage 2 searches (f, T_z) within +-`box` of the linear values (Eq. 5) for the smallest mean distance
-    (Eqs. 7, 8), with kappa1 of every chromosome by Eq. 6; R, T_x and T_y stay as stage 1 found them.
+    (Eqs. 7, 8).  Eq. 6 gives kappa1 of each chromosome; R, T_x and T_y stay as stage 1 found them.
 
     Parameters
     ----------
@@ -109,12 +109,12 @@ def calibrate_genetic(
     rng : None, int or Generator
         Source of the algorithm's randomness.
     box : float
-        Half-width of the box as a fraction, between 0 and 1 (Eq. 5: 0.25).  It is a fraction of T_z, which
-        depends on where the world's origin is: with the origin near the camera's own plane it is narrow.
+        Half-width of the box as a fraction, between 0 and 1 (Eq. 5: 0.25).  As it is a fraction of T_z, the box
+        depends on the world's origin: it is narrow if the origin lies near the plane z = 0 of the camera.
     kappa1 : {"shared", "per-point"}
-        How Eq. 6 is read, see `TwoStageObjective`.
+        The reading of Eq. 6, see `TwoStageObjective`.
     genes : {"magnification", "printed"}
-        What the algorithm moves: (m, T_z) with m = f / (T_z + mean(r_7 x + r_8 y)), the magnification at the
+        The variables of the search: (m, T_z) with m = f / (T_z + mean(r_7 x + r_8 y)), the magnification at the
         centroid of the points, or the paper's (f, T_z).  The box is the same.
     **options
         Of `minimize_genetic`: population_size, generations, initialisation, crossover, alpha, mutation,
@@ -123,13 +123,13 @@ def calibrate_genetic(
     Returns
     -------
     Calibration
-        With `history`, and a flag if the solution sits on the edge of its box; what the view knows of f without the
-        box, `edge_intervals` says.
+        With `history`, and a flag if the solution lies on the edge of its box; `edge_intervals` then tells what the
+        view says about f without the box.
 
     Raises
     ------
     ValueError, CalibrationError
-        As `calibrate_tsai`; `CalibrationError` also if nothing in the box sees all points.
+        As for `calibrate_tsai`; `CalibrationError` also if no chromosome in the box has all points in view.
 
     Examples
     --------
@@ -158,28 +158,28 @@ def repeat_calibration(
     genes: str = "magnification",
     **options: Any,
 ) -> list[Calibration]:
-    """`calibrate_genetic` for many runs side by side, which takes a fraction of the time of one after the other.
+    """Run `calibrate_genetic` many times side by side, which takes a fraction of the time of separate runs.
 
     Parameters
     ----------
     object_points, camera
-        As for `calibrate_genetic`, of all runs.
+        As for `calibrate_genetic`, the same for all runs.
     image_points : (n, 2) or (r, n, 2) array_like
-        px, of all runs or of each.
+        px, for all runs or for each run.
     rngs : sequence
-        The source of randomness of each run, None, int or Generator.
+        The source of randomness of each run: None, int or Generator.
     box, kappa1, genes, **options
         As for `calibrate_genetic`.
 
     Returns
     -------
     list of Calibration
-        A run's result is that of `calibrate_genetic`, but for the last digits.
+        Each run has the result of `calibrate_genetic`, except for the last digits.
 
     Raises
     ------
     ValueError, CalibrationError
-        As `calibrate_genetic`, if one run does; `ValueError` also if there are not as many images as runs.
+        As for `calibrate_genetic`, if one run fails; `ValueError` also if the numbers of images and runs differ.
 
     Examples
     --------
@@ -207,7 +207,7 @@ def repeat_calibration(
 
 
 def _run_group(starts, rngs, options):
-    """The calibrations of some runs, one from each start."""
+    """The calibrations of several runs, one from each start."""
     objective = TwoStageObjective.stack([start.objective for start in starts])
     coding = _Genes.stack([start.coding for start in starts])
     found = repeat_genetic(
@@ -221,7 +221,7 @@ def _run_group(starts, rngs, options):
 
 
 class _Start:
-    """One view, with what stage 2 starts from: stage 1, Eq. 7 and the genes."""
+    """One view with everything that stage 2 needs to start: the result of stage 1, Eq. 7 and the genes."""
 
     def __init__(self, object_points, image_points, camera, box, kappa1, genes):
         self.view = object_points, image_points, camera
@@ -236,7 +236,7 @@ class _Start:
         return self.objective if shared else TwoStageObjective(*self.view[:2], self.linear)
 
     def result(self, found):
-        """The calibration that a run of the algorithm found."""
+        """The calibration from one run of the algorithm."""
         if found.fun >= PENALTY:
             raise CalibrationError("no chromosome in the box sees all points; check the points and stage 1")
         populations = self.coding.decode(found.populations)
@@ -258,7 +258,7 @@ def calibration_at(
     kappa1: float,
     residuals: NDArray[np.float64] | None = None,
 ) -> Calibration:
-    """Return stage 1 with another (f, T_z), mm, and kappa1, mm^-2: without flags, and with the residuals that are given.
+    """Return stage 1 with another (f, T_z), mm, and kappa1, mm^-2; it has no flags, and only the given residuals.
 
     Examples
     --------

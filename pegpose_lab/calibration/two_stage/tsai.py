@@ -1,18 +1,18 @@
 r"""Stage 1 (Sect. 3.1, Table 1 "linear"): Tsai's radial alignment method, in sensor coordinates.
 
-Radial distortion moves an image point along the line to the principal point, so it cannot change the
+Radial distortion moves an image point along the line to the principal point, so it does not change the
 direction (x_d, y_d), and
 
 .. math:: x_d\,(r_4 x + r_5 y + r_6 z + T_y) = y_d\,(r_1 x + r_2 y + r_3 z + T_x)
 
-holds with distortion or without.  Divided by T_y it is linear in seven ratios, in five for a plane z = 0 (any plane
-is one in its own frame, see `planes`).
-They give R, T_x and T_y; then the distortion-free projection of y gives f and T_z, again linearly:
+holds with and without distortion.  Divided by T_y, this equation is linear in seven ratios, or in five for a plane
+z = 0 (every plane has z = 0 in its own frame, see `planes`).  The ratios give R, T_x and T_y.  Then the projection of
+y without distortion gives f and T_z, again linearly:
 
 .. math:: f\,(r_4 x + r_5 y + r_6 z + T_y) - y_d\,T_z = y_d\,(r_7 x + r_8 y + r_9 z)
 
-Source: R. Y. Tsai, IEEE J. Robotics and Automation 3(4), 323-344, 1987 (the paper's ref. 15); the numerically
-stable T_y^2, the sign conventions and the guards are stated with the functions.
+Source: R. Y. Tsai, IEEE J. Robotics and Automation 3(4), 323-344, 1987 (the paper's ref. 15).  The functions document
+the numerically stable T_y^2, the sign conventions and the checks.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 SMALLEST_SPREAD = 1e-6
-"""Points lie on a line (in a plane) if they leave it by less than this fraction of their extent."""
+"""Points lie on a line (or in a plane) if they deviate from it by at most this fraction of their extent."""
 
 RELIEF_ROUNDS = 4
-"""Times that a plane's solution is taken to remove what its relief does to the image: each leaves about `FLAT` of it."""
+"""Rounds that correct the image for the relief of a plane; each round leaves about `FLAT` of its effect."""
 
 SMALLEST_TY = 0.05
-"""The world origin is moved if its |y_c| is below this fraction of the largest |y_c| of the points."""
+"""The world origin is moved if its |y_c| is below this fraction of the points' largest |y_c|."""
 
 SMALLEST_TILT = 0.05
-"""Degrees between the optical axis and a plane's normal below which f is never determined."""
+"""Degrees; with less tilt between the optical axis and a plane's normal, f is never determined."""
 
 TILT_SIGNIFICANCE = 4.0
-"""Standard deviations that sin^2(tilt) must differ from zero, else the plane may be fronto-parallel."""
+"""sin^2(tilt) must exceed zero by this many standard deviations; otherwise the plane may be fronto-parallel."""
 
 SMALL_TILT = 10.0
-"""Degrees of tilt below which f is flagged."""
+"""Degrees; with less board tilt, f is flagged."""
 
 LOOSE_INTERVAL = 0.25
-"""Half-width of the 95 % interval of f, as a fraction of f, above which f is flagged."""
+"""f is flagged if the half-width of its 95 % interval is more than this fraction of f."""
 
 CONFIDENCE = 1.96
-"""Standard deviations of half a 95 % interval."""
+"""Half-width of a 95 % interval, in standard deviations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,19 +62,20 @@ class TsaiSolution:
     Attributes
     ----------
     rotation : Rotation
-        Of the object's frame into the camera's.
+        From the object's frame to the camera's.
     translation : (3,) ndarray
         T_x, T_y, T_z, mm.
     focal_length : float
         f, mm.
     scale_x : float
-        Horizontal scale left in the sensor points; 1 for a plane, which cannot show it.
+        Horizontal scale that remains in the sensor points; 1 for a plane, which does not determine it.
     tilt : float
-        Angle between the optical axis and the plane's normal (of a body: the object's z axis), degrees, 0 to 90.
+        Angle between the optical axis and the plane's normal (for points that are not coplanar, the object's z axis),
+        degrees, 0 to 90.
     focal_length_sigma : float
-        Standard deviation of f, mm, by noise alone; the bias that neglected distortion gives f is not in it.
+        Standard deviation of f, mm, due to noise; it does not include the bias due to neglected distortion.
     flags : tuple of Flag
-        What the reader must know.
+        What a user must know.
     """
 
     rotation: Rotation
@@ -88,27 +89,27 @@ class TsaiSolution:
 
 @undetermined_if_singular()
 def solve_coplanar(object_points: ArrayLike, sensor_points: ArrayLike) -> TsaiSolution:
-    r"""Tsai's method for points of one plane, anywhere in the object's frame.
+    r"""Tsai's method for points of one plane, in any position in the object's frame.
 
     The five ratios :math:`U = (r_1, r_2, T_x, r_4, r_5) / T_y` solve
 
     .. math:: [y_d x,\; y_d y,\; y_d,\; -x_d x,\; -x_d y]\, U = x_d
 
     by least squares with scaled columns.  With :math:`S = U_1^2 + U_2^2 + U_4^2 + U_5^2` and
-    :math:`D = U_1 U_5 - U_2 U_4`, :math:`T_y^2 = 2 / (S + \sqrt{S^2 - 4 D^2})`: the textbook's
-    :math:`(S - \sqrt{S^2 - 4 D^2}) / (2 D^2)` without its cancellation at D = 0.
+    :math:`D = U_1 U_5 - U_2 U_4`, :math:`T_y^2 = 2 / (S + \sqrt{S^2 - 4 D^2})`.  This equals the textbook's
+    :math:`(S - \sqrt{S^2 - 4 D^2}) / (2 D^2)`, but without its cancellation near D = 0.
 
-    The system is solved at the given origin.  If that is imaged near the camera's x axis (its |y_c| below
-    5 % of the largest |y_c| of the points), T_y is near 0 and cannot be divided by: the origin is then
-    moved to the point imaged farthest from that axis, and moved back in the end.
+    The system is solved at the given origin.  If the origin is imaged near the camera's x axis (its |y_c| is below
+    5 % of the points' largest |y_c|), T_y is near 0 and a division by it is inaccurate.  The origin is then moved to
+    the point imaged farthest from that axis, and moved back at the end.
 
-    A measured board is flat to micrometres only.  x and y are those of the plane through the points
-    (`plane_frame`), and what their distances from it do to the image is taken off, by the solution found so far.
+    A measured board is flat to micrometres only.  x and y are taken in the plane through the points
+    (`plane_frame`), and the effect of the distances from it on the image is subtracted, by the solution so far.
 
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm, n >= 5, of a plane to `FLAT`; for points that are not a plane see `solve_noncoplanar`.
+        mm, n >= 5, on a plane within `FLAT`; for other points see `solve_noncoplanar`.
     sensor_points : (n, 2) array_like
         Distorted sensor coordinates from the principal point, mm (`TsaiCamera.to_sensor`).
 
@@ -119,15 +120,15 @@ def solve_coplanar(object_points: ArrayLike, sensor_points: ArrayLike) -> TsaiSo
     Raises
     ------
     ValueError
-        If the input is unusable: fewer than five points, on a line, not of one plane.
+        If the input is unusable: fewer than five points, points on a line, or points not on one plane.
     CalibrationError
-        If the plane is seen from straight ahead as far as the noise can tell, or f is otherwise undetermined.
+        If the plane is fronto-parallel within the noise, or f is undetermined for another reason.
     """
     object_points, sensor_points = as_matched_points(object_points, sensor_points, 5)
     if not is_planar(object_points):
         raise ValueError(
-            f"object_points leave the plane through them by {100 * relief(object_points):.2g} % of their width; expected "
-            f"a plane, to {100 * FLAT:g} % (for points that are not a plane use solve_noncoplanar)"
+            f"object_points leave the plane through them by {100 * relief(object_points):.2g} % of their width; "
+            f"expected a plane, to {100 * FLAT:g} % (for points that are not a plane use solve_noncoplanar)"
         )
     plane_from_object = plane_frame(object_points)
     points = plane_from_object.apply(object_points)
@@ -144,7 +145,7 @@ def solve_coplanar(object_points: ArrayLike, sensor_points: ArrayLike) -> TsaiSo
 
 
 def _relief_in_image(points, solution):
-    """How far the sensor points (n, 2) of points near the plane z = 0 lie from those of their feet on it, mm."""
+    """The shift (n, 2) in the sensor, mm, that the z of points near the plane z = 0 causes."""
     seen, feet = (solution.rotation.apply(p) + solution.translation for p in (points, points * [1, 1, 0]))
     if min(seen[:, 2].min(), feet[:, 2].min()) <= 0:
         raise CalibrationError("the linear solution has points behind the camera; check the order of the points")
@@ -153,18 +154,18 @@ def _relief_in_image(points, solution):
 
 @undetermined_if_singular()
 def solve_noncoplanar(object_points: ArrayLike, sensor_points: ArrayLike) -> TsaiSolution:
-    r"""Tsai's method for points that are not a plane; it also gives the horizontal scale s_x.
+    r"""Tsai's method for points that are not coplanar; it also gives the horizontal scale s_x.
 
     The seven ratios :math:`U = (s_x r_1, s_x r_2, s_x r_3, s_x T_x, r_4, r_5, r_6) / T_y` solve the radial
     alignment equations by least squares with scaled columns;
     :math:`|T_y| = (U_5^2 + U_6^2 + U_7^2)^{-1/2}`, :math:`s_x = |T_y| (U_1^2 + U_2^2 + U_3^2)^{1/2}`.
-    The rows are completed by their cross product and projected on SO(3).  The origin is moved by the
-    rule of `solve_coplanar`.
+    The cross product of the two rows gives the third, and the matrix is projected on SO(3).  The origin is moved
+    as in `solve_coplanar`.
 
     Parameters
     ----------
     object_points : (n, 3) array_like
-        mm, n >= 7, not of one plane.
+        mm, n >= 7, not all on one plane.
     sensor_points : (n, 2) array_like
         Distorted sensor coordinates from the principal point, mm.
 
@@ -175,7 +176,7 @@ def solve_noncoplanar(object_points: ArrayLike, sensor_points: ArrayLike) -> Tsa
     Raises
     ------
     ValueError
-        If the input is unusable: fewer than seven points, or of one plane.
+        If the input is unusable: fewer than seven points, or points on one plane.
     CalibrationError
         If the view does not determine f.
     """
@@ -196,7 +197,7 @@ def _demand_spread(points, name, degenerate):
 
 
 def _origin_near_x_axis(points, sensor_points):
-    """Whether T_y is too small to divide by, seen from the homogeneous system, which does not divide."""
+    """Whether T_y is too small to divide by, according to the homogeneous system, which needs no division."""
     d = points.shape[1]
     design = np.hstack([_design(points, sensor_points), -sensor_points[:, :1]])
     scale = _column_norms(design)
@@ -211,7 +212,7 @@ def _point_off_x_axis(object_points, sensor_points):
 
 
 def _solve(points, sensor_points, shift):
-    """Solve a plane, points (n, 2), or a body, (n, 3), with its origin at `shift`; judge the result."""
+    """Solve for points of a plane, (n, 2), or of a body, (n, 3), with the origin at `shift`, and judge the result."""
     ratios = _solve_ratios(points, sensor_points)
     rotation, translation, focal_length, scale_x = _estimate(points, sensor_points, ratios)
     tilt = float(np.degrees(np.arcsin(min(np.sqrt(_squared_sine(rotation)), 1.0))))
@@ -235,7 +236,7 @@ def _fronto_parallel(tilt):
 
 
 def _demand_view(points, rotation, translation, focal_length):
-    """Refuse a solution with f <= 0 or a point behind the camera."""
+    """Refuse a solution with f <= 0 or with a point behind the camera."""
     nearest = (points @ rotation.as_matrix()[2, : points.shape[1]]).min() + translation[2]
     if not (focal_length > 0 and nearest > 0):
         raise CalibrationError(
@@ -259,7 +260,7 @@ def _judge(focal_length, sigma, tilt):
 
 
 def judge_interval(value: float, half: float, words: str, refusal: str) -> tuple[str, bool]:
-    """Judge the interval value +- half of f.
+    """Judge the interval of f, value +- half.
 
     Returns
     -------
