@@ -129,17 +129,8 @@ def _test_processors(names, extra):
     """Run the notebooks and the tests of digits on emulated machines; print a table."""
     from .lab.notebooks import processors
 
-    machines = processors.emulated_machines()
-    if names:
-        known = {machine.name: machine for machine in machines}
-        unknown = sorted(set(names) - set(known))
-        if unknown:
-            raise SystemExit(f"No machine is called {', '.join(unknown)}; there are: {', '.join(known)}.")
-        machines = [known[name] for name in names]
-    else:
-        machines += processors.other_pythons()
     outcomes = []
-    for machine in machines:
+    for machine in processors.choose_machines(names):
         print(f"\n--- {machine.name} ---", flush=True)
         outcomes.append(processors.run_on(machine, CHECKOUT, _notebook_testing() + extra))
         for path in outcomes[-1].changed:

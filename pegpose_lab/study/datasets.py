@@ -50,6 +50,17 @@ def dataset(name: str) -> Path:
         If nothing of that name is known.
     FileNotFoundError
         If a file is missing, cannot be downloaded or is not the pinned one; the message says what to do.
+
+    Examples
+    --------
+    >>> import os, tempfile
+    >>> from pathlib import Path
+    >>> from unittest import mock
+    >>> from pegpose_lab import study
+    >>> with tempfile.TemporaryDirectory() as root, mock.patch.dict(os.environ, PEGPOSE_DATA=root):
+    ...     Path(root, "my_board").mkdir()
+    ...     study.dataset("my_board").name
+    'my_board'
     """
     registry = results.read_csv(REGISTRY, as_text=True)
     files = registry[registry["dataset"] == name]

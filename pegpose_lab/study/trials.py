@@ -33,8 +33,7 @@ if TYPE_CHECKING:
 
     from pandas import DataFrame
 
-CORNERS = ("simulated", "rendered")
-"""Where `monte_carlo` takes its corners from."""
+CORNERS = ("simulated", "rendered")  # where `monte_carlo` takes its corners from
 
 PARAMETERS = ("focal_length", "c_x", "c_y", "kappa1")
 SAVED_EVERY = 10.0  # s, between two writes of the file
@@ -242,7 +241,7 @@ def _as_sequence(values, name):
 def _finished(path):
     """The finished rows of the file, each key once; none if there is no file yet."""
     if path is None or not Path(path).exists():
-        return _as_table([])
+        return pd.DataFrame(columns=_COLUMNS)
     text = Path(path).read_text(encoding="utf-8", errors="replace")
     try:
         lines = list(csv.reader(io.StringIO(text, newline="")))
@@ -253,7 +252,7 @@ def _finished(path):
         raise ValueError(f"path {path} has columns {', '.join(columns)}; expected {', '.join(_COLUMNS)}")
     whole = lines[1:] if text.endswith("\n") else lines[1:-1]  # a truncated line may look like a complete one
     rows = [row for row in map(_as_row, whole) if row is not None]
-    return _as_table(rows).drop_duplicates([*_KEY], ignore_index=True)
+    return pd.DataFrame(rows, columns=_COLUMNS).drop_duplicates([*_KEY], ignore_index=True)
 
 
 def _as_row(fields):
@@ -271,7 +270,8 @@ def _save(path, done, rows):
     """All trials so far, in a table and, if there are new ones, in the file."""
     if not rows:
         return done
-    table = pd.concat([done, _as_table(rows)]) if len(done) else _as_table(rows)
+    new = pd.DataFrame(rows, columns=_COLUMNS)
+    table = pd.concat([done, new]) if len(done) else new
     if path is not None:
         results.write_csv(path, table, float_format="%.17g")
     return table
@@ -283,12 +283,15 @@ def write_rendered_trials(folder: Path = MEASURED_FOLDER, *, workers: int = 2) -
 
 
 def load_rendered_trials(folder: Path = MEASURED_FOLDER) -> DataFrame:
-    """Read what `write_rendered_trials` wrote."""
+    """Read what `write_rendered_trials` wrote.
+
+    Examples
+    --------
+    >>> from pegpose_lab import study
+    >>> study.load_rendered_trials()["corners"].unique().tolist()
+    ['rendered']
+    """
     return _finished(folder / RENDERED_FILE)
-
-
-def _as_table(rows):
-    return pd.DataFrame(rows, columns=_COLUMNS)
 
 
 def _whole(value):

@@ -1,9 +1,9 @@
-"""Other processors, emulated: do the notebooks say the same there?
+"""Runs the notebooks as on other processors, to check that their results do not change.
 
-Linear algebra (OpenBLAS), numpy and OpenCV choose their code by the processor that they find, and each choice adds
-in another order.  All three can be told to do as on another machine; so can the number of threads and the Python.
-``python3 -m pegpose_lab test --processors`` runs every notebook and the tests marked ``digits`` on each of these
-machines, and tells what ``reproduce`` would rewrite there.
+OpenBLAS (linear algebra), numpy and OpenCV choose their code according to the processor, and each choice adds in
+another order.  All three can be set to behave as on another machine; the number of threads and the Python version can
+be changed, too.  ``python3 -m pegpose_lab test --processors`` runs every notebook and the tests marked ``digits`` on
+each of these machines, and lists the files that ``reproduce`` would rewrite there.
 """
 
 from __future__ import annotations
@@ -24,8 +24,11 @@ from . import running
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+PYTHONS = ("3.11", "3.12", "3.13")
+"""Versions of Python that the project supports."""
+
 OTHER = "Nehalem"
-"""The machine for a quick look: 2008's vector units in all three libraries, unlike any that is in use now."""
+"""The machine for a quick check: vector units of 2008 in all three libraries, older than in any machine in use."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +42,13 @@ class Machine:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What happened on one machine.
+    """The result of a run on one machine.
 
     Attributes
     ----------
     machine : str
     failed : dict
-        Number of failed cells of each notebook, and of failed tests under "tests"; what ran without failure has 0.
+        Number of failed cells of each notebook, and of failed tests under "tests"; 0 if all passed.
     changed : list of str
         Results and figures that ``reproduce`` would rewrite.
     seconds : float
@@ -59,7 +62,7 @@ class Outcome:
 
     @property
     def passed(self) -> bool:
-        """Whether anything ran, and nothing failed or would be rewritten."""
+        """Whether something ran, nothing failed and nothing would be rewritten."""
         return bool(self.failed) and not any(self.failed.values()) and not self.changed
 
 
@@ -77,23 +80,48 @@ def emulated_machines() -> list[Machine]:
     ]
 
 
-def other_pythons(versions: Sequence[str] = ("3.11", "3.12", "3.13")) -> list[Machine]:
-    """Return a `Machine` for each other version of Python that is found; its environment is made if need be."""
-    own = f"{sys.version_info[0]}.{sys.version_info[1]}"
-    found = {version: environment.python_of_version(version) for version in versions if version != own}
-    here = {"PYTHONPATH": str(environment.CHECKOUT)}  # where their kernels find the package
+def other_pythons(versions: Sequence[str] = PYTHONS) -> list[Machine]:
+    """Return a `Machine` for each other version of Python that is installed; its environment is made if necessary."""
+    found = {version: environment.python_of_version(version) for version in versions if version != _own_version()}
+    here = {"PYTHONPATH": str(environment.CHECKOUT)}  # their kernels find the package there
     return [Machine(f"Python {version}", here, str(python)) for version, python in found.items() if python]
 
 
+def _own_version():
+    return f"{sys.version_info[0]}.{sys.version_info[1]}"
+
+
+def choose_machines(names: Sequence[str] = ()) -> list[Machine]:
+    """Return the machines with these names, emulated ones or other Pythons; without names, all of them.
+
+    Raises
+    ------
+    SystemExit
+        If a name is unknown, or its Python is not installed.
+    """
+    emulated = {machine.name: machine for machine in emulated_machines()}
+    if not names:
+        return [*emulated.values(), *other_pythons()]
+    pythons = {f"Python {version}": version for version in PYTHONS if version != _own_version()}
+    unknown = sorted(set(names) - set(emulated) - set(pythons))
+    if unknown:
+        raise SystemExit(f"No machine is called {', '.join(unknown)}; there are: {', '.join([*emulated, *pythons])}.")
+    found = emulated | {machine.name: machine for machine in other_pythons([pythons[n] for n in names if n in pythons])}
+    missing = [name for name in names if name not in found]
+    if missing:
+        raise SystemExit(f"{', '.join(missing)} is not installed here.")
+    return [found[name] for name in names]
+
+
 def _numpy_features():
-    """The vector units that numpy has code of its own for, and that this processor has."""
+    """The vector units of this processor for which numpy has special code."""
     from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
     return [name for name in __cpu_dispatch__ if __cpu_features__[name]]
 
 
 def _opencv_features():
-    """The same of OpenCV, which marks what it can do without by an asterisk and what the processor lacks by "?"."""
+    """The same for OpenCV, which marks optional units by an asterisk and those that the processor lacks by "?"."""
     import cv2
 
     names = [name for name in cv2.getCPUFeaturesLine().split() if name.startswith("*") and not name.endswith("?")]
@@ -113,9 +141,9 @@ def run_on(machine: Machine, checkout: Path, pytest_arguments: Sequence[str]) ->
     ----------
     machine : Machine
     checkout : Path
-        Where pytest runs, and the results and figures are that ``reproduce`` would compare with.
+        Folder in which pytest runs; it has the results and figures to compare with.
     pytest_arguments : list of str
-        How the notebooks are run and compared, as for the plain test.
+        Arguments that run and compare the notebooks, as for the plain test.
     """
     with (
         running.scratch_output(results_folder(checkout)) as output,
@@ -149,7 +177,7 @@ def _failures(report):
 
 
 def table(outcomes: Sequence[Outcome]) -> str:
-    """Return the outcomes as text: a row a machine, a column a notebook."""
+    """Return the outcomes as text, with a row for each machine and a column for each notebook."""
     columns = sorted({name for outcome in outcomes for name in outcome.failed})
     head = ["machine", *(name[:2] if name[0].isdigit() else name for name in columns), "rewritten", "processor s"]
     rows = [head]

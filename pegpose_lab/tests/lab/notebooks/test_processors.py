@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import nbformat
 import pytest
@@ -55,6 +56,38 @@ def test_openblas_takes_the_kernels_of_that_machine(machines, name):
         "print(corename().decode())"
     )
     assert _ask(machines[name], code) == name
+
+
+# ---- names ----
+
+
+@pytest.fixture
+def pythons(monkeypatch):
+    """Python 9.8, which is installed, and 9.9, which is not."""
+    places = {"9.8": Path("there", "python")}
+    monkeypatch.setattr(processors, "PYTHONS", ("9.8", "9.9"))
+    monkeypatch.setattr(processors.environment, "python_of_version", places.get)
+
+
+def test_emulated_machines_and_pythons_are_chosen_by_name(pythons):
+    chosen = processors.choose_machines(["Python 9.8", "two threads"])
+    assert [machine.name for machine in chosen] == ["Python 9.8", "two threads"]
+    assert chosen[0].python == str(Path("there", "python"))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("Python 9.9", "Python 9.9 is not installed"), ("Python 9.7", "there are: .*Nehalem, Python 9.8, Python 9.9")],
+)
+def test_a_name_without_a_machine_is_refused(pythons, name, words):
+    with pytest.raises(SystemExit, match=words):
+        processors.choose_machines([name])
+
+
+def test_all_machines_without_a_name(machines, monkeypatch):
+    python = Machine("Python 9.8", {}, "there")
+    monkeypatch.setattr(processors, "other_pythons", lambda: [python])
+    assert [machine.name for machine in processors.choose_machines()] == [*machines, "Python 9.8"]
 
 
 # ---- a run ----
