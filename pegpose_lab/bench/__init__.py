@@ -1,7 +1,7 @@
-"""The benchmark: circle measurement and calibration beside their peers and their bounds, measured in one run.
+"""The benchmark: measures circle detection and calibration beside their peers and their bounds, in one run.
 
-A detector to compare with is one function in `detectors` and one line in `bench.methods`, a scene one line in
-`scenes`.
+A detector to compare with is one function in `detectors` and one entry in `peers.COMPARED`; a scene is one entry in
+`scenes.SCENES`.
 """
 
 from .bounds import center_bound

@@ -1,4 +1,4 @@
-"""What was aimed at, beside what was measured."""
+"""The aims of the benchmark beside the measured values."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from . import peers
 from .resources import exponent, growth
 from .scenes import TARGET_NOISE
 
-# scene: largest centre/bound, radius/bound, time ratio, false positives; least detection
+# scene: largest centre/bound, radius/bound, time ratio and false positives; least detection
 _LIMITS = {
     "clean": (1.05, 1.2, 1.0, 0.0, 100.0),
     "tilt": (1.05, 1.2, 1.0, 0.0, 100.0),
@@ -24,13 +24,13 @@ _COVERAGE = (93.0, 97.0)  # %, of the 95 % intervals
 def judge(
     circles: pd.DataFrame, methods: pd.DataFrame, sizes: pd.DataFrame, joint: pd.DataFrame, genetic: pd.DataFrame
 ) -> pd.DataFrame:
-    """What was aimed at, beside what was measured: sizes of errors and times at the noise of the targets, the
-    honesty of the sigmas at the worst noise, in every scene.
+    """The aims beside the measured values: errors and times at the noise of the targets, and the honesty of the
+    sigmas at the worst noise, in every scene.
 
     Returns
     -------
     DataFrame
-        scene, quantity, low, high (the limits; NaN for none), measured, met.
+        scene, quantity, low, high (the limits; NaN if there is none), measured, met.
     """
     ours = circles[circles["method"] == peers.OURS]
     rows = []
@@ -55,7 +55,7 @@ def judge(
 
 
 def _error_targets(row, center, radius, ratio, false_positives, detection):
-    """A scene's part of `judge`'s rows: how large errors and times are."""
+    """A scene's rows of `judge` about errors and times."""
     return [
         (row.scene, "centre / bound", np.nan, center, row.center),
         (row.scene, "radius / bound", np.nan, radius, row.radius),
@@ -66,7 +66,7 @@ def _error_targets(row, center, radius, ratio, false_positives, detection):
 
 
 def _honesty_targets(scene, cells):
-    """A scene's part of `judge`'s rows: whether errors are as large as the sigmas say, at the worst noise."""
+    """A scene's rows of `judge` about the sigmas: whether they match the errors, at the worst noise."""
     low, high = _HONEST.get(scene, _ELSEWHERE)
     rows = []
     for quantity, name in (("centre", "center_sd"), ("radius", "radius_sd")):

@@ -1,4 +1,4 @@
-"""Cramer-Rao bounds of a disc's centre and radius, of the whole edge and of its visible arc."""
+"""Cramer-Rao bounds of a disc's centre and radius, from the whole edge and from its visible arc."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import cv2
 import numpy as np
 from scipy.special import ndtr
 
-CLEAN_EDGE = 0.05  # of the contrast: what a clean edge may depart from the blurred step
+CLEAN_EDGE = 0.05  # of the contrast: largest deviation of a clean edge from the blurred step
 
 
 # ---- bounds ----
 
 
 def center_bound(radius: float, contrast: float, edge_width: float, noise: float) -> float:
-    """Cramer-Rao bound, px per axis, of the centre of a whole disc; the radius's is 1/sqrt(2) of it."""
+    """Cramer-Rao bound, px per axis, for the centre of a whole disc; the bound of the radius is 1/sqrt(2) of it."""
     sigma = np.sqrt(noise**2 + 1 / 12)
     return sigma / contrast * np.sqrt(2 * edge_width / (np.sqrt(np.pi) * radius))
 
 
 def _clean_edge(picture, outline, base, contrast, width):
-    """At which points of an outline the noise-free picture shows the blurred step and nothing else."""
+    """Mask of the points of an outline where the noise-free image shows only the blurred step."""
     tangent = np.roll(outline, -1, axis=0) - np.roll(outline, 1, axis=0)
     normal = np.column_stack([tangent[:, 1], -tangent[:, 0]]) / np.hypot(*tangent.T)[:, None]
     outwards = np.sign(np.sum(normal * (outline - outline.mean(axis=0))))
@@ -32,11 +32,11 @@ def _clean_edge(picture, outline, base, contrast, width):
 
 
 def _arc_shape(visible, outline):
-    """The visible share of an edge, and how much larger than the whole edge's the bounds of x, y and r are.
+    """The visible share of an edge, and the bounds of x, y and r relative to those of the whole edge.
 
-    An edge of length dl tells its place along the normal with an information that is proportional to dl.  Where
-    the normal has the direction t, the edge moves by (cos t, sin t, 1, cos 2t, sin 2t) for a change of x, y,
-    radius and the two numbers of the ellipse's shape.  Infinite where too little is visible to tell them apart.
+    An edge of length dl has information about its position along the normal that is proportional to dl.  If the
+    normal has the direction t, the edge moves by (cos t, sin t, 1, cos 2t, sin 2t) for a change of x, y, radius and
+    the two parameters of the ellipse's shape.  The bounds are infinite if the visible part does not determine them.
     """
     offset = outline - outline.mean(axis=0)
     t = np.arctan2(offset[:, 1], offset[:, 0])

@@ -1,4 +1,4 @@
-"""Calibration for the benchmark: the joint one beside OpenCV's, the genetic algorithm beside differential evolution."""
+"""Benchmarks of calibration: joint calibration beside OpenCV's, the genetic algorithm beside differential evolution."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SEED = 20
 
 
 def measure_joint(views: Sequence[int], *, repeats: int = 3) -> pd.DataFrame:
-    """Time of `calibrate_joint` and of `cv2.calibrateCamera` with the same unknowns: f_x, f_y, c_x, c_y, k1, poses.
+    """Time of `calibrate_joint` and `cv2.calibrateCamera` with the same unknowns: f_x, f_y, c_x, c_y, k1 and poses.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def measure_joint(views: Sequence[int], *, repeats: int = 3) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        views, ms, opencv_ms (medians), ratio, rms_difference: ours less OpenCV's, px.
+        views, ms, opencv_ms (medians), ratio, rms_difference (ours minus OpenCV's, px).
     """
     rows, camera = [], paper.paper_camera()
     board = Checkerboard(8, 6, 29.0)
@@ -64,16 +64,16 @@ def measure_genetic(sets: list[Any] | None = None, *, seeds: int = 10) -> pd.Dat
     Parameters
     ----------
     sets : list, optional
-        Views as `study.trial_sets` returns, which is the default.
+        Views as `study.trial_sets` returns them; these are the default.
     seeds : int
-        Seeds 0, 1, ... of both.
+        Number of seeds; both methods get the seeds 0, 1, ...
 
     Returns
     -------
     DataFrame
-        A row a view: ms and de_ms, processor time of both (medians over the seeds, stage 1 included), their ratio (median
-        of the ratios of the same seed); reached and de_reached, the seeds that end within `study.REACHED` of the
-        optimum of the box, %.
+        One row per view: ms and de_ms, the processor times of both (medians over the seeds, stage 1 included); ratio,
+        the median of their ratios for the same seed; reached and de_reached, the share of seeds that end within
+        `study.REACHED` of the optimum in the box, %.
     """
     rows = []
     for name, *view in tqdm(study.trial_sets() if sets is None else sets, unit="view", desc="genetic", disable=None):
@@ -91,17 +91,17 @@ def measure_genetic(sets: list[Any] | None = None, *, seeds: int = 10) -> pd.Dat
 
 
 def measure_rivals(*, repeats: int = 3) -> pd.DataFrame:
-    """What every method of `study.compare` costs on the photographs' corners.
+    """The cost of every method of `study.compare` on the photographs' corners.
 
     Parameters
     ----------
     repeats : int
-        Seeds of the methods that draw.
+        Number of seeds for the methods that draw random numbers.
 
     Returns
     -------
     DataFrame
-        method, evaluations of the objective (NaN where there is no such thing), ms of processor time (medians).
+        method, evaluations of the objective (NaN if there is no objective), ms of processor time (medians).
     """
     photographs = [view for name, *view in study.trial_sets() if name.startswith("left")]
     object_points, image_points, cameras = zip(*photographs, strict=True)

@@ -1,4 +1,4 @@
-"""Edge Drawing of opencv-contrib, in a process of its own."""
+"""Edge Drawing from opencv-contrib, in a separate process."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .detectors import _rows
 
 
 def _edge_drawing(image, radius_range, *, operator, gradient, sigma):
-    """Edge Drawing with its ellipses; runs where cv2 is opencv-contrib's."""
+    """Edge Drawing and its ellipses; needs the cv2 of opencv-contrib."""
     detector = cv2.ximgproc.createEdgeDrawing()
     settings = cv2.ximgproc.EdgeDrawing.Params()
     settings.EdgeDetectionOperator = getattr(cv2.ximgproc, f"EdgeDrawing_{operator}")
@@ -32,7 +32,7 @@ def _edge_drawing(image, radius_range, *, operator, gradient, sigma):
 
 
 class _Server:
-    """A process with opencv-contrib: pictures in, circles and the seconds they took out."""
+    """A process with opencv-contrib, which receives images and returns circles and the processor time."""
 
     def __init__(self):
         self.process = subprocess.Popen(
@@ -44,11 +44,11 @@ class _Server:
         atexit.register(self.close)
 
     def close(self):
-        """End the process: its pipe is closed."""
+        """End the process by closing its pipe."""
         self.process.communicate()
 
     def ask(self, image, radius_range, options):
-        """Return `Found` and seconds of processor time."""
+        """Return `Found` and the processor time in seconds."""
         header = json.dumps([image.shape, [float(radius) for radius in radius_range], options])
         self.process.stdin.write(header.encode() + b"\n" + image.tobytes())
         self.process.stdin.flush()
@@ -59,17 +59,17 @@ class _Server:
         return _rows(rows, radius_range), seconds
 
 
-_server = functools.cache(_Server)  # one for each process; it ends when its pipe does
+_server = functools.cache(_Server)  # one for each process; it ends when its pipe is closed
 
 
 def contrib_variables() -> dict[str, str]:
-    """The variables of a process in which cv2 is opencv-contrib's."""
+    """The environment variables of a process that imports cv2 from opencv-contrib."""
     path = os.pathsep.join([str(environment.contrib_folder()), str(environment.CHECKOUT)])
     return {**os.environ, "PYTHONPATH": path}
 
 
 def serve() -> None:
-    """Answer the requests of a `_Server` until its pipe is closed."""
+    """Answer the requests of a `_Server` until the pipe is closed."""
     cv2.setNumThreads(1)
     for header in iter(sys.stdin.buffer.readline, b""):
         (height, width), radius_range, options = json.loads(header)

@@ -1,9 +1,9 @@
-"""Circle detectors side by side, ours and those that people use: a picture and a range of radii in, circles out.
+"""Circle detectors, ours and common alternatives: each takes an image and a range of radii and returns circles.
 
-The peers' settings are documented in `COMPARED` and are the same for every picture.  `tuning` chose them, from grids
-and by a rule that stand there, on frames that the benchmark does not use.  scikit-image and opencv-contrib are not needed
-by anything else: the command ``bench`` installs them.  opencv-contrib cannot live in one environment with OpenCV, so it
-has a folder and a process of its own, which measures its own time.
+The peers' settings are listed in `peers.COMPARED` and are the same for every image.  They were chosen by `tuning`,
+which has the grids and the rule, on frames that the benchmark does not use.  scikit-image and opencv-contrib are used
+only here, so the command ``bench`` installs them.  opencv-contrib cannot share an environment with OpenCV, so it
+has its own folder and its own process, which measures its own time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Found:
-    """What a detector reports: centers (n, 2) and radii (n,) px; sigmas (n, 3) of x, y and radius, or None."""
+    """The circles of a detector: centers (n, 2) and radii (n,) px; sigmas (n, 3) of x, y and radius, or None."""
 
     centers: np.ndarray
     radii: np.ndarray
@@ -40,8 +40,8 @@ class Found:
 class Method:
     """A detector, `find(image, (r_min, r_max), **options) -> Found`.
 
-    `text` says what its settings are, with {names} where the options stand; `share` is the part of the frames that it
-    gets (slow ones get fewer), `module` what has to be importable, `package` the distribution whose version counts.
+    `text` describes its settings, with {names} in place of the options.  `share` is the fraction of the frames that it
+    gets (slow ones get fewer).  `module` must be importable, and `package` is the distribution that has the version.
     """
 
     name: str
@@ -54,12 +54,12 @@ class Method:
 
     @property
     def settings(self) -> str:
-        """Its settings, in words and numbers."""
+        """Its settings in words and numbers."""
         return self.text.format(**self.options)
 
 
 def _rows(rows, radius_range):
-    """`Found` from rows x, y, radius; those outside the range do not count."""
+    """`Found` from rows x, y, radius, without those outside the radius range."""
     rows = np.asarray(rows, float).reshape(-1, 3)
     rows = rows[(rows[:, 2] >= radius_range[0]) & (rows[:, 2] <= radius_range[1])]
     return Found(rows[:, :2], rows[:, 2])
@@ -69,7 +69,7 @@ def _rows(rows, radius_range):
 
 
 def _find_and_fit(image, radius_range):
-    """Find circles in the whole picture and measure them; discs that are accepted and within the range."""
+    """Find and measure circles in the whole image; keeps discs that are accepted and within the radius range."""
     discs = fit_discs(image, find_circles(image, radius_range))
     keep = discs.accepted & (discs.radii >= radius_range[0]) & (discs.radii <= radius_range[1])
     sigmas = np.column_stack([discs.sigmas[:, :2], radius_sigmas(discs)])
@@ -77,7 +77,7 @@ def _find_and_fit(image, radius_range):
 
 
 def radius_sigmas(discs: Discs) -> NDArray[np.float64]:
-    """Standard deviations (n,) px of `Discs.radii`, sqrt(a b): first order in the semi-axes' covariance."""
+    """Standard deviations (n,) px of `Discs.radii`, sqrt(a b), to first order from the semi-axes' covariance."""
     gradient = discs.radii[:, None] / (2 * discs.semi_axes)
     block = np.where(np.isfinite(discs.covariance[:, 2:4, 2:4]), discs.covariance[:, 2:4, 2:4], np.inf)
     fitted = np.isfinite(block).all(axis=(1, 2))
@@ -95,12 +95,12 @@ def _hough(image, radius_range, method):
 
 
 def _smooth(image, sigma):
-    """The picture after a Gaussian of `sigma` px; 0 leaves it as it is."""
+    """The image smoothed by a Gaussian of `sigma` px; 0 leaves it unchanged."""
     return cv2.GaussianBlur(image, (0, 0), sigma) if sigma > 0 else image
 
 
 def _opencv_hough(image, radius_range, *, method, dp, edge, votes, smoothing=0):
-    """cv2.HoughCircles, the least distance of two centres being the least radius."""
+    """cv2.HoughCircles, with the smallest radius as the smallest distance between two centres."""
     low, high = int(np.floor(radius_range[0])), int(np.ceil(radius_range[1]))
     limits = {"param1": edge, "param2": votes, "minRadius": low, "maxRadius": high}
     found = cv2.HoughCircles(_smooth(image, smoothing), method, dp, low, **limits)
@@ -108,8 +108,10 @@ def _opencv_hough(image, radius_range, *, method, dp, edge, votes, smoothing=0):
 
 
 def _blobs(image, radius_range, *, smoothing, levels, circularity):
-    """cv2.SimpleBlobDetector; `levels` are its least and largest threshold and their step; a blob's size is twice its
-    radius."""
+    """cv2.SimpleBlobDetector; `levels` are its smallest and largest threshold and the step between thresholds.
+
+    A blob's size is twice its radius.
+    """
     settings = cv2.SimpleBlobDetector_Params()
     settings.blobColor = 255
     settings.minThreshold, settings.maxThreshold, settings.thresholdStep = levels
@@ -123,8 +125,11 @@ def _blobs(image, radius_range, *, smoothing, levels, circularity):
 
 
 def _contour_ellipses(image, radius_range, *, smoothing, threshold, ratio):
-    """A threshold (a grey value, or "Otsu"), outlines of at least half the least perimeter, cv2.fitEllipse; axes' ratio
-    above `ratio`."""
+    """Threshold, outlines and cv2.fitEllipse.
+
+    The threshold is a grey value or "Otsu".  Outlines need at least half the smallest perimeter, and ellipses an axis
+    ratio above `ratio`.
+    """
     otsu = threshold == "Otsu"
     kind = cv2.THRESH_OTSU if otsu else cv2.THRESH_BINARY
     _, mask = cv2.threshold(_smooth(image, smoothing), 0 if otsu else threshold, 255, kind)
@@ -142,7 +147,7 @@ def _contour_ellipses(image, radius_range, *, smoothing, threshold, ratio):
 
 
 def _skimage_hough(image, radius_range, *, sigma, threshold):
-    """Canny, one plane of votes for each whole radius, peaks with the least radius between them."""
+    """Canny edges, one accumulator plane for each whole radius, and peaks at least the smallest radius apart."""
     from skimage.feature import canny
     from skimage.transform import hough_circle, hough_circle_peaks
 

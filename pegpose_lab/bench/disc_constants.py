@@ -1,12 +1,12 @@
-"""How much each constant of the disc fit matters: halved and doubled, one at a time, on frames of its own.
+"""The influence of each constant of the disc fit: each is halved and doubled, one at a time, on separate frames.
 
 ``python3 -m pegpose_lab measure disc_constants`` writes data/measured/disc_constants.csv, in about four minutes on two
 idle cores; `pegpose_lab.discs` has the constants' units and reasons.
 
-Each of `FRAMES` frames of every scene, with the noise of the benchmark's tables and numbered from `FIRST_FRAME`, is
-measured at its pegs, bore and screws, from circles that are off by up to `OFF` of the radius.  Columns: the accepted
-share (%), the rms error of the centre over that with the committed value, the rms of error over stated sigma in the
-scene where that is largest, and the largest move of a centre that stays accepted, in its sigmas.
+Every scene has `FRAMES` frames, with the noise of the benchmark's tables, numbered from `FIRST_FRAME`.  Their pegs,
+bore and screws are measured, starting from circles that are wrong by up to `OFF` of the radius.  Columns: the accepted
+share (%), the rms error of the centre relative to that with the committed value, the rms of error over stated sigma in
+the scene where that is largest, and the largest move of a centre that stays accepted, in its sigmas.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ OFF = 0.1
 LAYOUT = {
     "N_RAYS", "RAY_POINTS", "REMAP_LIMIT", "GROUP", "CHUNK", "QUANTISATION", "N_SECTORS", "SECTOR_ROW", "LONGER_ROW"
 }  # fmt: skip
-"""Constants that say how arrays are laid out, what other libraries take, or what follows: nothing to choose."""
+"""Constants without a choice: layouts of arrays, limits of other libraries, and values that follow from others."""
 
 
 def constants() -> dict[str, float]:
@@ -70,7 +70,7 @@ def changed(name: str, value: float) -> Iterator[None]:
     Raises
     ------
     ValueError
-        If there is none of that name.
+        If there is no constant of that name.
     """
     before = constants()
     if name not in before:
@@ -98,7 +98,7 @@ def tried() -> list[tuple[str, float]]:
 
 
 def measure_constants(frames: int = FRAMES, *, workers: int = WORKERS) -> pd.DataFrame:
-    """Measure the frames with each value that is tried.
+    """Measure the frames with each of the tried values.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def measure_constants(frames: int = FRAMES, *, workers: int = WORKERS) -> pd.Dat
 
 
 def _measure_frame(scene: Scene, number: int) -> dict[tuple[str, float] | None, NDArray[np.float64]]:
-    """Errors of x, y and their sigmas (n, 4) of a frame's discs, NaN where not accepted, for each value that is tried."""
+    """For each tried value: errors of x, y and their sigmas (n, 4) of a frame's discs, NaN if not accepted."""
     frame = draw_frame(scene, number)
     image = expose(frame.picture, TARGET_NOISE, [SEED, *scene.name.encode(), number])
     truth = np.array([[*disc.truth.centroid, disc.truth.radius] for disc in frame.discs])
@@ -152,7 +152,7 @@ class _Fits:
         return cls(rows[:, :2], rows[:, 2:], scenes)
 
     def compared(self, base):
-        """Accepted share (%), rms error over `base`'s, largest rms of error over sigma, largest move in sigmas."""
+        """Accepted share (%), rms error relative to `base`, largest rms of error over sigma, largest move in sigmas."""
         both = np.isfinite(self.errors[:, 0]) & np.isfinite(base.errors[:, 0])
         if not both.any():
             return 0.0, np.nan, np.nan, np.nan
@@ -164,12 +164,12 @@ class _Fits:
 
 
 def write_disc_constants(folder: Path = MEASURED_FOLDER) -> None:
-    """Measure with each value that is tried, and write the table into `folder`."""
+    """Measure with each of the tried values, and write the table into `folder`."""
     table = measure_constants()
     comment = (
-        f"the disc fit with each constant halved and doubled, {FRAMES} frames of each scene, noise {TARGET_NOISE}: accepted "
-        f"in %, rms centre error over that of the committed values, rms error over sigma in the worst scene, largest move "
-        f"in sigmas; {study.made_by(NAME)}"
+        f"the disc fit with each constant halved and doubled, {FRAMES} frames of each scene, noise {TARGET_NOISE}: "
+        "accepted in %, rms centre error over that of the committed values, rms error over sigma in the worst scene, "
+        f"largest move in sigmas; {study.made_by(NAME)}"
     )
     table = table.round({"accepted": 1, "error": 3, "z": 2, "move": 2, "value": 6, "tried": 6})
     study.write_measured(folder, NAME, table, comment)

@@ -1,4 +1,4 @@
-"""The registry of circle detectors, and how one is run."""
+"""The registry of circle detectors, and the function that runs one of them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 
 def run(method: Method, image: NDArray[np.uint8], radius_range: tuple[float, float]) -> tuple[Found, float]:
-    """Run a detector on a picture.
+    """Run a detector on an image.
 
     Returns
     -------
     Found, float
-        Circles, and the seconds of processor time that they took.
+        Circles, and the processor time in seconds.
     """
     if method.module == CONTRIB_MODULE and not hasattr(cv2, "ximgproc"):
         return _server().ask(image, radius_range, method.options)
@@ -98,14 +98,14 @@ COMPARED = {
 
 
 def missing(method: Method) -> str:
-    """Why a detector cannot run here; empty where it can."""
+    """Return the reason why a detector cannot run here, or "" if it can."""
     if method.module == CONTRIB_MODULE:
         return "" if (environment.contrib_folder() / "cv2").is_dir() else f"{method.package} is not installed"
     return "" if importlib.util.find_spec(method.module) else f"{method.package} is not installed"
 
 
 def version(method: Method) -> str:
-    """The version of a detector's package; empty where it is missing."""
+    """Return the version of a detector's package, or "" if it is missing."""
     if method.module == "pegpose_lab":
         from .. import __version__
 

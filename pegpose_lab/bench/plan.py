@@ -1,7 +1,6 @@
-"""The benchmark: circle measurement and calibration beside their peers and their bounds, measured in one run.
+"""A run of the benchmark: its plan and its report.
 
-What is measured, and how, stands in `bench` and `bench.calibration`; here are the plan of a run, the aims,
-and the report.
+`score` defines what is measured of circles, `calibration` what is measured of calibrations; `aims` has the aims.
 """
 
 from __future__ import annotations
@@ -23,8 +22,8 @@ WORKERS = 2
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is measured: {scene: (frames, noise levels)}, sizes in megapixels, numbers of views, seeds of the genetic
-    algorithm, methods, whose memory, repeats of what is timed."""
+    """The amount of work: {scene: (frames, noise levels)}, sizes in megapixels, numbers of views, seeds of the genetic
+    algorithm, methods, methods whose memory is measured, and repeats of timed calls."""
 
     cells: dict
     sizes: tuple
@@ -49,8 +48,8 @@ QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, me
 
 @dataclass(frozen=True)
 class Report:
-    """Tables of a run: `circles` (`summarize`), `methods`, `sizes` (`measure_sizes`), `joint` (`measure_joint`),
-    `genetic` (`measure_genetic`), `baselines` (`measure_rivals`), `targets` (`judge`)."""
+    """Tables of a run: `circles` (`summarize`), `methods` (`describe_methods`), `sizes` (`measure_sizes`), `joint`
+    (`measure_joint`), `genetic` (`measure_genetic`), `rivals` (`measure_rivals`), `targets` (`judge`)."""
 
     circles: pd.DataFrame
     methods: pd.DataFrame
@@ -62,7 +61,7 @@ class Report:
 
 
 def run(plan: Plan = FULL, *, workers: int = WORKERS) -> Report:
-    """Measure all that a plan names.
+    """Measure everything in a plan.
 
     Returns
     -------

@@ -44,7 +44,7 @@ def load(folder: Path) -> Report:
 
 
 def readme_is_current(readme: Path, folder: Path) -> bool:
-    """Return whether a README's block is what `write` would make of the tables in a folder; raises as it does."""
+    """Return whether a README's block is what `write` would make from the tables in a folder; raises like `write`."""
     return results.block_is_current(readme, "bench", to_markdown(load(folder)))
 
 
@@ -58,7 +58,7 @@ _SHOWN = {
 
 
 def to_markdown(report: Report) -> str:
-    """The block of a README: what was measured at the noise of the targets in one table, the aims, then all tables."""
+    """A README's block: one table of the results at the noise of the targets, then the aims, then all tables."""
     circles = report.circles[report.circles["noise"] == TARGET_NOISE]
     head = ["scene", "quantity", "low", "high", "measured", "met"]
     rows = [_shown(row) for row in report.targets[head].to_numpy()]
@@ -73,24 +73,24 @@ def to_markdown(report: Report) -> str:
 
 
 def _folded(title, parts):
-    """Parts behind a title that opens them."""
+    """Parts that are hidden until the reader opens their title."""
     return [f"<details><summary>{title}</summary>", *parts, "</details>"]
 
 
 def _heading(circles):
-    """What holds for all tables."""
+    """The conditions of all tables."""
     values = 8 * circles.loc[circles["method"] == peers.OURS, "frames"].max()  # two axes of four pegs
     return (
-        f"Noise {TARGET_NOISE} grey values, blur {BLUR[0]} to {BLUR[1]} px, 1600 x 1200 px, four pegs; time: processor time, "
-        f"as a ratio to {peers.REFERENCE} in the same frames. Centre / bound: 1.4826 times the median error over the "
-        "Cramér-Rao bound of the whole edge, which is the rms / bound of normal errors, known here to "
+        f"Noise {TARGET_NOISE} grey values, blur {BLUR[0]} to {BLUR[1]} px, 1600 x 1200 px, four pegs; time: processor "
+        f"time, as a ratio to {peers.REFERENCE} in the same frames. Centre / bound: 1.4826 times the median error over "
+        "the Cramér-Rao bound of the whole edge, which is the rms / bound of normal errors, known here to "
         f"{100 / np.sqrt(2 * 0.37 * values):.0f} % for the methods that got every frame. `pegpose_lab.bench` has the "
         "definitions, `data/results/bench_methods.csv` the peers' settings, versions and memory."
     )
 
 
 def _overview(circles):
-    """A row for each method: time, errors over the bound in the main scenes, and what it finds in the hardest of these."""
+    """A row for each method: time, errors over the bound in the main scenes, and detections in the hardest of them."""
     scenes = [scene.name for scene in MAIN]
     cells = circles.set_index(["method", "scene"])
     head = ["method", "time ratio", *(f"centre / bound, {name}" for name in scenes), "radius / bound, clean"]
@@ -131,7 +131,7 @@ def _calibration(report):
 
 
 def _genetic_table(genetic):
-    """The views of one kind in one row: times of the middle view, the least reached."""
+    """One row for all views of a kind: the median times, and the smallest shares that reach the optimum."""
     kind = genetic["view"].str.replace(r" \d+$|\d+$", "", regex=True).replace({"left": "photographs"})
     head = ["views", "ms", "differential evolution's ms", "ratio", "at the optimum, %", "differential evolution, %"]
     rows = [
@@ -151,12 +151,12 @@ def _absent(methods):
 
 
 def _shown(row):
-    """Cells as text, numbers with three digits, nothing for NaN."""
+    """Cells as text: numbers with three digits, "" for NaN."""
     return [value if isinstance(value, str) else _digits(value) for value in row]
 
 
 def _digits(value):
-    """Three digits, but all of a whole number's; nothing for NaN."""
+    """A number with three digits, or all digits of a whole number; "" for NaN."""
     if np.isnan(value):
         return ""
     return f"{value:.0f}" if abs(value) >= 100 or value == round(value) else f"{value:.3g}"

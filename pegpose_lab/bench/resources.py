@@ -1,4 +1,4 @@
-"""Memory of one frame, and time against the picture's size."""
+"""Memory for one frame, and time as a function of the image size."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 
 def peak_memory(method: Method) -> float:
-    """Megabytes that a method needs for one 1600 x 1200 px frame above a process with all imports.
+    """Megabytes that a method needs for one 1600 x 1200 px frame, in addition to a process with all imports.
 
-    A fresh process loads the frame, lets the method run on a small part of it, and tells by how much the peak
-    of its memory during the whole frame lies above what it held before.
+    A fresh process loads the frame and runs the method on a small part of it.  Then it runs the method on the whole
+    frame and reports the increase from its memory before to its peak memory.
     """
     with tempfile.TemporaryDirectory(prefix="pegpose_") as folder:
         path = Path(folder, "frame.npy")
@@ -45,7 +45,7 @@ def peak_memory(method: Method) -> float:
 
 
 def tell_memory(name: str, path: str) -> None:
-    """Print what `peak_memory` asks for; runs in a process of its own."""
+    """Print the result for `peak_memory`; runs in a process of its own."""
     cv2.setNumThreads(1)
     image, method = np.load(path), peers.COMPARED[name]
     peers.run(method, np.ascontiguousarray(image[:200, :200]), RADIUS_RANGE)
@@ -57,8 +57,8 @@ def tell_memory(name: str, path: str) -> None:
 def _memory(field):
     """Resident memory now (VmRSS) or its peak (VmHWM), MB.
 
-    Elsewhere than on Linux the peak stands for both.  On Linux getrusage's peak is that of the parent process, if
-    that was larger.
+    On other systems than Linux this is the peak in both cases.  On Linux getrusage is not used, because its peak is
+    that of the parent process if that was larger.
     """
     try:
         status = Path("/proc/self/status").read_text(encoding="ascii")
@@ -72,7 +72,7 @@ def _memory(field):
 def measure_sizes(
     sizes: Sequence[float], *, methods: Sequence[str] = (peers.OURS, peers.REFERENCE), repeats: int = 3
 ) -> pd.DataFrame:
-    """Time against the picture's size: the same scene with more pixels, radii and range in proportion.
+    """Time as a function of the image size: the same scene with more pixels, radii and radius range in proportion.
 
     Parameters
     ----------
@@ -107,13 +107,13 @@ def measure_sizes(
 
 
 def _detected_pegs(frame, found):
-    """How many of the frame's pegs a method detected."""
+    """The number of the frame's pegs that a method detected."""
     free = np.ones(len(found), bool)
     return sum(_match(disc.truth, found, free) is not None for disc in frame.discs if disc.peg)
 
 
 def _scaled(camera, scale):
-    """The same camera with `scale` times the pixels along each axis, the principal point in the picture's middle."""
+    """The same camera with `scale` times the pixels along each axis, its principal point in the image centre."""
     scaled = camera.scaled(scale)
     width, height = scaled.image_size
     return replace(scaled, principal_point=((width - 1) / 2, (height - 1) / 2))
@@ -126,7 +126,7 @@ def growth(sizes: pd.DataFrame, method: str = peers.OURS) -> float:
 
 
 def exponent(size: ArrayLike, time: ArrayLike) -> float:
-    """Slope of ln(time) over ln(size): 1 where time grows linearly."""
+    """Slope of ln(time) over ln(size): 1 if time grows linearly."""
     return float(np.polyfit(np.log(size), np.log(time), 1)[0])
 
 
@@ -134,8 +134,8 @@ def exponent(size: ArrayLike, time: ArrayLike) -> float:
 
 
 def describe_methods(methods: Sequence[str], memory: Sequence[str]) -> pd.DataFrame:
-    """Package, version, settings, memory (MB; NaN where the name is not in `memory`) of each method, and why it is
-    missing if it is."""
+    """Package, version, settings and memory (MB; NaN if the name is not in `memory`) of each method, and the reason if
+    it is missing."""
     rows = []
     for name in methods:
         method = peers.COMPARED[name]

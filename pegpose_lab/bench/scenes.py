@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 RADIUS_RANGE = (40.0, 60.0)  # px, for 1600 x 1200 px; the pegs have 46 to 51
 DEPTH = 267.0  # mm, of the hub's centre
-SHIFT = (60.0, 35.0)  # mm, largest in x and y
+SHIFT = (60.0, 35.0)  # mm, largest shift in x and y
 BLUR = (0.7, 1.2)  # px
 SEED = 20
 
-HUB = Hub(radius=80.0)  # large enough for a peg's surroundings to be its base from every side
+HUB = Hub(radius=80.0)  # so large that every peg is surrounded by the base on all sides
 UNIFORM = replace(HubLook(), texture=0.0, shading=0.0, wall=HubLook().base, wall_shading=0.0)
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What a frame shows: least and largest tilt (deg), grey values; the rest as for `render_hub`."""
+    """The content of a frame: smallest and largest tilt (deg), grey values; the rest as for `render_hub`."""
 
     name: str
     tilt: tuple
@@ -54,7 +54,7 @@ SCENES = {
     Scene("default look", TILTED, HubLook()): ("tilt, with turning marks, shading and darker side walls; nothing else"),
 }
 MAIN, OTHER = tuple(SCENES)[:4], tuple(SCENES)[4:]
-TARGET_NOISE = 5  # of the tables and the aims, grey values
+TARGET_NOISE = 5  # grey values, noise of the tables and the aims
 
 
 # ---- frames ----
@@ -62,7 +62,7 @@ TARGET_NOISE = 5  # of the tables and the aims, grey values
 
 @dataclass(frozen=True)
 class Disc:
-    """A true disc; `peg` is its number, 0 for bore and screws; `visible` and `arc` as in `_arc_shape`."""
+    """A true disc; `peg` is its number (0 for bore and screws); `visible` and `arc` as in `_arc_shape`."""
 
     truth: TrueDisc
     peg: int
@@ -72,7 +72,7 @@ class Disc:
 
 @dataclass(frozen=True)
 class Frame:
-    """A noise-free picture, float32, with its discs, contrast and edge width s (px)."""
+    """A noise-free image, float32, with its discs, contrast and edge width s (px)."""
 
     picture: np.ndarray
     discs: list
@@ -81,7 +81,7 @@ class Frame:
 
 
 def draw_frame(scene: Scene, number: int, camera: TsaiCamera | None = None) -> Frame:
-    """Render frame `number` of a scene, without noise; pose and blur come from the frame's own seed.
+    """Render frame `number` of a scene without noise; its seed determines the pose and the blur.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def _camera():
 
 
 def _pose(scene, rng):
-    """A turn, a tilt about some axis, a shift; so every sub-pixel phase occurs."""
+    """A random rotation about z, a tilt about a random axis and a shift, so that every sub-pixel phase occurs."""
     tilt, axis = np.deg2rad(rng.uniform(*scene.tilt)), rng.uniform(0, 2 * np.pi)
     tilted = Rotation.from_rotvec([tilt * np.cos(axis), tilt * np.sin(axis), 0.0])
     turned = Rotation.from_rotvec([0, 0, rng.uniform(0, 2 * np.pi)])

@@ -1,7 +1,8 @@
 """Circle measurement for the benchmark: ours beside the peers' and beside the physical limit, in one run.
 
-Frames of a hub with four pegs are rendered with exact truth, without noise once for each pose and with noise for
-each level; every method gets the same frames, one after the other, in an order that rotates.  All of it is seeded.
+Frames of a hub with four pegs are rendered with known truth: once without noise for each pose, to which noise of each
+level is added.  Every method gets the same frames, one method after the other, in a rotating order.  All random
+numbers are seeded.
 
 Definitions
 -----------
@@ -11,23 +12,23 @@ expected
     the hub's bright discs (pegs, bore, screws) whose true radius lies in the radius range that every method is
     given.  Only pegs are scored for accuracy.
 detected
-    an expected disc for which a circle is reported that is off by 10 % of the radius at most, in its centre and
-    in its radius.  A circle counts for one disc only.
+    an expected disc for which a circle is reported whose centre and radius are both wrong by at most 10 % of the
+    radius.  A circle counts for one disc only.
 false positive
-    any other circle that is reported with a radius in the range: a second one on the same disc, too.
+    any other reported circle with a radius in the range, also a second one on the same disc.
 bound
-    the Cramer-Rao bound of a whole disc's edge, per axis (sigma/A) sqrt(2 s/(sqrt(pi) r)) for the centre, and
+    the Cramer-Rao bound of a whole disc's edge: per axis (sigma/A) sqrt(2 s/(sqrt(pi) r)) for the centre, and
     that over sqrt(2) for the radius, with s^2 = blur^2 + 1/12, sigma^2 = noise^2 + 1/12, A the pegs' grey value
-    less the base's.
+    minus the base's.
 bound of the visible arc
-    the same information summed over the part of the edge where the noise-free picture shows a clean edge: within
-    3 s of the rim it departs from B + A Phi(d/s) by less than 5 % of A.  Unknowns: centre, radius and the
+    the same information summed over the part of the edge where the noise-free image shows a clean edge: within
+    3 s of the rim it differs from B + A Phi(d/s) by less than 5 % of A.  Unknowns: centre, radius and the
     ellipse's shape.
 error / bound
-    the median of |error| / bound over axes, pegs and frames, times 1.4826: for a normal distribution the rms, but
-    it does not see rare large errors.  The plain rms stands beside it.
+    the median of |error| / bound over axes, pegs and frames, times 1.4826.  For a normal distribution this is the
+    rms, but it ignores rare large errors.  The tables therefore also have the plain rms.
 honesty
-    the standard deviation of (estimate - truth) / stated sigma, and the share within +-1.96 of it.
+    the standard deviation of (estimate - truth) / stated sigma, and the share of these ratios within +-1.96.
 time
     processor time of one thread; the ratio to `peers.REFERENCE` is the median over frames of the ratio in the
     same frame.
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
 
     from .scenes import Frame, Scene
 
-TOLERANCE = 0.1  # of the radius: what counts as detected
+TOLERANCE = 0.1  # of the radius: largest error of a detected disc
 WORKERS = 2
 
 
@@ -65,7 +66,7 @@ WORKERS = 2
 
 _KEY = ("scene", "noise", "frame", "method")
 FRAME_COLUMNS = (*_KEY, "seconds", "false_positives")
-_ERRORS = ("x", "y", "r", "arc_x", "arc_y", "arc_r", "z_x", "z_y", "z_r")  # over bound, arc's bound, stated sigma
+_ERRORS = ("x", "y", "r", "arc_x", "arc_y", "arc_r", "z_x", "z_y", "z_r")  # over bound, arc bound, stated sigma
 DISC_COLUMNS = (*_KEY, "peg", "found", "visible", "arc", *_ERRORS)
 
 
@@ -96,7 +97,7 @@ def measure_frame(
     Returns
     -------
     frames, discs : lists of tuples
-        With the columns `FRAME_COLUMNS` and `DISC_COLUMNS`; a row for each method, noise (and expected disc).
+        With the columns `FRAME_COLUMNS` and `DISC_COLUMNS`; a row for each method and noise (and expected disc).
     """
     frame, frames, discs = draw_frame(scene, number), [], []
     with one_thread():
@@ -114,21 +115,21 @@ def measure_frame(
 
 @cache
 def _warm_up(methods):
-    """Let each method run once in this process, on a part of a frame, so that no first call is timed."""
+    """Run each method once in this process, on a part of a frame, so that no first call is timed."""
     image = np.ascontiguousarray(expose(draw_frame(MAIN[0], 10**6).picture, 5, 0)[300:900, 500:1100])
     for name in methods:
         peers.run(peers.COMPARED[name], image, RADIUS_RANGE)
 
 
 def score(frame: Frame, found: peers.Found, noise: float) -> tuple[list[tuple[Any, ...]], int]:
-    """Compare what a method found with a frame's discs, as the module's text defines it.
+    """Compare a method's circles with a frame's discs, by the definitions in this module's docstring.
 
     Parameters
     ----------
     frame : Frame
     found : peers.Found
     noise : float
-        Of the picture, grey values.
+        Of the image, grey values.
 
     Returns
     -------
@@ -150,7 +151,7 @@ def score(frame: Frame, found: peers.Found, noise: float) -> tuple[list[tuple[An
 
 
 def _match(truth, found, free):
-    """The free circle nearest to a disc, if it is near enough."""
+    """Index of the free circle nearest to a disc, or None if none is near enough."""
     apart = np.hypot(*(found.centers - truth.centroid).T)
     reach = TOLERANCE * truth.radius
     usable = free & (apart <= reach) & (np.abs(found.radii - truth.radius) <= reach)
@@ -158,7 +159,7 @@ def _match(truth, found, free):
 
 
 def _errors(frame, disc, found, index, noise):
-    """Visible share, arc bound over bound, and errors of x, y, r over bound, arc's bound and stated sigma."""
+    """Visible share, arc bound over bound, and errors of x, y, r over bound, arc bound and stated sigma."""
     error = np.array([*(found.centers[index] - disc.truth.centroid), found.radii[index] - disc.truth.radius])
     bound = center_bound(disc.truth.radius, frame.contrast, frame.edge_width, noise) * np.sqrt([1, 1, 0.5])
     arc = np.full(3, np.inf) if disc.arc is None else disc.arc
@@ -200,7 +201,7 @@ def measure(
 
 
 def _methods_for(methods, number, frames):
-    """The methods that get frame `number`: slow ones get the first few only (`Method.share`), one at least."""
+    """The methods that get frame `number`; slow ones get only the first few frames (`Method.share`), at least one."""
     return [
         name
         for name in methods

@@ -1,4 +1,4 @@
-"""From the scores of all frames to the table of results."""
+"""Summarises the scores of all frames in the table of results."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import pandas as pd
 from . import peers
 from .scenes import SCENES
 
-HONEST = 1.959964  # sigmas that hold 95 % of a normal distribution
+HONEST = 1.959964  # half-width in sigmas of the interval with 95 % of a normal distribution
 
 
 # ---- many frames ----
 
 
 def summarize(frames: pd.DataFrame, discs: pd.DataFrame) -> pd.DataFrame:
-    """The table of results: a row for each scene, noise and method; the module's text says what is what."""
+    """The table of results: a row for each scene, noise and method (`score` defines the quantities)."""
     reference = frames[frames["method"] == peers.REFERENCE].set_index(["scene", "noise", "frame"])["seconds"]
     rows, key = [], ["scene", "noise", "method"]
     parts = dict(list(discs.groupby(key, sort=False)))
@@ -76,5 +76,5 @@ def _spread(values):
 
 
 def _coverage(values):
-    """Per cent of the values within 1.96; NaN for methods that state no sigma."""
+    """Percentage of the values within +-1.96; NaN for methods that state no sigma."""
     return 100 * float(np.mean(np.abs(values) < HONEST)) if len(values) and np.isfinite(values).all() else np.nan

@@ -1,28 +1,28 @@
-"""The peers' settings: a grid for each, tried on frames of its own, and the best by one rule.
+"""The peers' settings: every setting of a grid is tried on separate frames, and one rule chooses the best.
 
-``python3 -m pegpose_lab measure peer_settings`` prints each peer's best five and writes all to
-data/measured/peer_settings.csv, in about ten minutes on two idle cores; `peers.COMPARED` has each peer's first.  Peers
-that cannot be installed are left out.
+``python3 -m pegpose_lab measure peer_settings`` prints the best five settings of each peer and writes all of them to
+data/measured/peer_settings.csv, in about ten minutes on two idle cores.  `peers.COMPARED` uses the best setting of each
+peer.  Peers that cannot be installed are left out.
 
 Frames
 ------
-`FRAMES` of each of the scenes `scenes.MAIN`, with the noise of the benchmark's tables, numbered from
-`FIRST_FRAME`: poses, blur and noise that the benchmark does not use.  All are scored as there.
+`FRAMES` frames of each of the scenes `scenes.MAIN`, with the noise of the benchmark's tables, numbered from
+`FIRST_FRAME`.  The benchmark does not use their poses, blur and noise.  They are scored as in the benchmark.
 
 Rule
 ----
-One after the other, each among those that the last has left; settings that tie with the best stay:
+The criteria are applied one after the other; settings that tie with the best remain for the next criterion:
 
-1. pegs missed.  Counts tie where they differ by one standard deviation of a difference of counts at most,
+1. missed pegs.  Counts tie if they differ by at most one standard deviation of a difference of counts,
    |a - b| <= sqrt(a + b).
-2. false circles, likewise.
-3. error: the geometric mean, over the scenes and over centre and radius, of the median error over its bound.  Both,
-   because a centre alone would prefer thresholds that make every radius 2 px too small.  Errors tie within 5 %, the
-   standard deviation of a quotient of two such means.
-4. time, as the median over the frames.  Times tie within 25 %, what a busy machine changes in them.
-5. place in the grid, which goes from the fast to the slow.
+2. false circles, with the same tie.
+3. error: the geometric mean, over the scenes and over centre and radius, of the median error over its bound.  The
+   radius is included because the centre alone would prefer thresholds that make every radius 2 px too small.  Errors
+   tie within 5 %, the standard deviation of a quotient of two such means.
+4. time: the median over the frames.  Times tie within 25 %, the variation on a busy machine.
+5. position in the grid, which is ordered from fast to slow.
 
-Its choice has rank 1; rank 2 is its choice among the rest, and so on.
+The choice has rank 1; rank 2 is the choice among the remaining settings, and so on.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ FIRST_FRAME, FRAMES = 20_000, 20
 ERROR_TIE, TIME_TIE = 1.05, 1.25
 SHOWN = 5  # ranks on the screen
 
-# peer: option of its function in `bench.methods`: values, from the fast to the slow
+# peer: option of its function in `detectors` or `contrib`: values, from fast to slow
 GRIDS: dict[str, dict[str, tuple[Any, ...]]] = {
     "HoughCircles GRADIENT": {"dp": (2, 1.5, 1), "edge": (300, 200, 100), "votes": (60, 50, 40, 30)},
     "HoughCircles GRADIENT, smoothed": {
@@ -67,7 +67,7 @@ GRIDS: dict[str, dict[str, tuple[Any, ...]]] = {
     },
     "HoughCircles GRADIENT_ALT": {"smoothing": (0, 1, 1.5), "dp": (3, 2, 1.5), "edge": (600, 300), "votes": (0.9, 0.8)},
     "skimage hough_circle": {"sigma": (2, 3), "threshold": (0.5, 0.4, 0.3)},
-    "SimpleBlobDetector": {  # the first levels lie above the bright spots on the base, the last are its own
+    "SimpleBlobDetector": {  # the first levels lie above the bright spots on the base, the last are the defaults
         "smoothing": (0, 1),
         "levels": ((110, 160, 10), (90, 140, 10), (80, 150, 20), (80, 150, 10), (70, 150, 10), (50, 220, 10)),
         "circularity": (0.6, 0.4, 0.1),
@@ -78,7 +78,7 @@ GRIDS: dict[str, dict[str, tuple[Any, ...]]] = {
 
 
 def candidates(name: str) -> list[Method]:
-    """A peer with each setting of its grid, a list of `detectors.Method`."""
+    """A peer with each setting of its grid, as a list of `detectors.Method`."""
     grid = GRIDS[name]
     options = [dict(zip(grid, values, strict=True)) for values in itertools.product(*grid.values())]
     return [replace(peers.COMPARED[name], options=some) for some in options]
@@ -91,23 +91,23 @@ def try_settings(
     frames: int = FRAMES,
     workers: int = WORKERS,
 ) -> pd.DataFrame:
-    """Try every setting of peers' grids on the same frames.
+    """Try every setting in the grids of some peers on the same frames.
 
     Parameters
     ----------
     names : sequence of str
         Keys of `GRIDS`.
-    scenes : sequence of bench_circles.Scene
+    scenes : sequence of Scene
     frames : int
-        Of each scene.
+        Number of frames of each scene.
     workers : int
-        Processes; only the times depend on them.
+        Number of processes; only the times depend on it.
 
     Returns
     -------
     DataFrame
-        A row for each setting, in the grids' order: peer, settings; frames, pegs, missed, false (counts of all frames);
-        error, and its parts center and radius (over the bound); ms.
+        A row for each setting, in the order of the grids: peer, settings; frames, pegs, missed, false (counts over all
+        frames); error, and its parts center and radius (over the bound); ms.
     """
     methods = [method for name in names for method in candidates(name)]
     numbers = range(FIRST_FRAME, FIRST_FRAME + frames)
@@ -118,7 +118,7 @@ def try_settings(
 
 
 def _try_frame(scene, number, methods):
-    """One frame for all methods: scene, seconds, false circles and rows of discs (`score.score`) of each."""
+    """Run all methods on one frame; scene, seconds, false circles and disc rows (`score.score`) of each method."""
     frame = draw_frame(scene, number)
     image = expose(frame.picture, TARGET_NOISE, [SEED, *scene.name.encode(), number])
     runs = []
@@ -130,7 +130,7 @@ def _try_frame(scene, number, methods):
     return runs
 
 
-_ROW = DISC_COLUMNS[4:]  # of a disc, after the key
+_ROW = DISC_COLUMNS[4:]  # columns of a disc after the key
 
 
 def _summary(method, runs):
@@ -153,7 +153,7 @@ def _summary(method, runs):
 
 
 def _mean_error(parts, columns):
-    """The geometric mean, over scenes, of 1.4826 times the median error over its bound; infinite where none is found."""
+    """The geometric mean, over scenes, of 1.4826 times the median error over its bound; infinite if none is found."""
     medians = [1.4826 * np.median(np.abs(part[columns])) if len(part) else np.inf for part in parts]
     return float(np.exp(np.mean(np.log(medians))))
 
@@ -171,7 +171,7 @@ RULE = {
     "error": lambda errors, least: errors <= ERROR_TIE * least,
     "ms": lambda times, least: times <= TIME_TIE * least,
 }
-"""Column: which of its values tie with the least.  In order; the module's text gives the reasons."""
+"""For each column, in order: which values tie with the smallest (the module's docstring gives the reasons)."""
 
 
 def rank(table: pd.DataFrame) -> pd.DataFrame:
@@ -180,12 +180,12 @@ def rank(table: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     table : DataFrame
-        As `try_settings` returns.
+        As returned by `try_settings`.
 
     Returns
     -------
     DataFrame
-        The same rows, peer by peer, the best first, with a column `rank` (1, 2, ...) after `peer`.
+        The same rows, peer by peer, best first, with a column `rank` (1, 2, ...) after `peer`.
     """
     ranked = pd.concat([_in_order(part) for _, part in table.groupby("peer", sort=False)], ignore_index=True)
     ranked.insert(1, "rank", ranked.groupby("peer").cumcount() + 1)
@@ -193,7 +193,7 @@ def rank(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _in_order(table):
-    """One peer's rows, each the best of those from it on."""
+    """The rows of one peer, each the best among itself and the following ones."""
     order, rest = [], table
     while len(rest):
         order.append(_best(rest))
@@ -215,14 +215,14 @@ def write_settings(table: pd.DataFrame, folder: Path) -> None:
     """Write a ranking into `folder`."""
     scenes = ", ".join(scene.name for scene in MAIN)
     comment = (
-        f"the peers' settings on frames of their own ({scenes}; noise {TARGET_NOISE}), error, center and radius over the "
-        f"bound; {study.made_by(NAME)}"
+        f"the peers' settings on frames of their own ({scenes}; noise {TARGET_NOISE}), error, center and radius over "
+        f"the bound; {study.made_by(NAME)}"
     )
     study.write_measured(folder, NAME, table.round({"error": 3, "center": 3, "radius": 3, "ms": 2}), comment)
 
 
 def write_peer_settings(folder: Path = MEASURED_FOLDER) -> None:
-    """Try all settings of the peers that are installed, print each one's best and write the ranking into `folder`."""
+    """Try all settings of the installed peers, print the best of each and write the ranking into `folder`."""
     reasons = {name: peers.missing(peers.COMPARED[name]) for name in GRIDS}
     table = rank(try_settings([name for name, reason in reasons.items() if not reason]))
     write_settings(table, folder)

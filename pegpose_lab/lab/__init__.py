@@ -1,6 +1,6 @@
-"""The laboratory: set-up, results, figures, notebooks and sliders.  It is no part of the method.
+"""The laboratory: set-up, results, figures, notebooks and sliders.  It is not part of the method.
 
-Its files are used by name (``from pegpose_lab.lab import plotting, results``): nothing is imported here,
-since `environment` has to start on a bare Python.  A style or a plot belongs into `plotting`, a slider into
-`widgets`.
+Import its files by name (``from pegpose_lab.lab import plotting, results``).  Nothing is imported here, because
+`environment` must start on a bare Python.  A new plot belongs in `plotting`, a colour or size in `style`, and a
+slider in `widgets`.
 """

@@ -1,6 +1,6 @@
-"""The words of the commands: what ``python3 -m pegpose_lab`` takes, and what its ``--help`` shows.
+"""The command line: the arguments of ``python3 -m pegpose_lab`` and the text of its ``--help``.
 
-Like ``__main__.py`` this file has to run on a bare Python: it imports the standard library only.
+Like ``__main__.py``, this file must run on a bare Python, so it imports only the standard library.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from . import measuring
 
 
 def parse(arguments: list[str], checkout: Path) -> argparse.Namespace:
-    """Parse the command line; what stands after ``--`` is handed on as it is, as the option ``extra``."""
+    """Parse the command line; arguments after ``--`` are kept unchanged in the option ``extra``."""
     parser = _parser(checkout)
     dashes = arguments.index("--") if "--" in arguments else len(arguments)
     options = parser.parse_args(arguments[:dashes])
@@ -23,7 +23,7 @@ def parse(arguments: list[str], checkout: Path) -> argparse.Namespace:
 
 
 def _parser(checkout):
-    """The parser; what commands write goes to the checkout, where nothing else is asked for."""
+    """The parser; commands write into the checkout unless another folder is given."""
     parser = argparse.ArgumentParser(
         prog="python3 -m pegpose_lab",
         description="Reproduce the paper, and test that it is reproduced. Each command first makes .venv in the "
@@ -45,7 +45,7 @@ def _parser(checkout):
         nargs="+",
         metavar="NAME",
         help="run these only: names, beginnings of names (03) or patterns (0[1-3]*); "
-        "the others' results are taken as they are",
+        "the existing results of the others are used",
     )
     reproduce.add_argument(
         "--update-notebooks",
@@ -81,8 +81,8 @@ def _parser(checkout):
         "measure",
         help="make the tables of data/measured again",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        description="Make the tables of data/measured again, which notebooks read: NAME makes these only, without a NAME\n"
-        "all are made that can be. Those of photographs need PEGPOSE_DATA to name the folder of the photographs.",
+        description="Make the tables of data/measured again, which notebooks read: only those with a given NAME, or\n"
+        "without a NAME all that can be made. Tables of photographs need PEGPOSE_DATA, the folder of the photographs.",
         epilog=measuring.listed(),
     )
     measure.add_argument("names", nargs="*", type=measuring.known, metavar="NAME", help="one of the names below")
@@ -116,5 +116,5 @@ def _add_output(parser, checkout, what):
 
 
 def _folder(text):
-    """A folder as it was typed, as a whole path."""
+    """A typed folder as an absolute path."""
     return Path(text).resolve()

@@ -1,6 +1,6 @@
-"""Making the environment that everything runs in: ``.venv`` in the checkout, from ``environment.txt``.
+"""Makes the environment for all commands: ``.venv`` in the checkout, from ``environment.txt``.
 
-Like ``__main__.py`` this file has to run on a bare Python: it imports the standard library only.
+Like ``__main__.py``, this file must run on a bare Python, so it imports only the standard library.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ LOCK = CHECKOUT / "environment.txt"
 VENV = CHECKOUT / ".venv"
 STAMP_NAME = "pegpose_lab.json"
 
-# Measured on Linux with two cores and a mirror nearby, so the times are those of the installers; a network adds its own.
+# Measured on Linux with two cores and a local mirror: the times are those of the installers, without the network's.
 FETCHED_MB, INSTALLED_MB = 200, 800
 SECONDS = {"uv": 5, "pip": 90}
 
 
 def set_up() -> bool:
-    """Make `.venv`, or bring it up to date; return whether there was anything to do.
+    """Make `.venv` or bring it up to date; return whether there was anything to do.
 
-    A stamp in the folder says which lock, Python and checkout it was made for.  It is emptied before
-    the first change and written after the last, so that a set-up that was broken off is never taken
-    for a complete one: the next one starts afresh.
+    A stamp in the folder tells for which lock file, Python and checkout it was made.  The stamp is emptied before
+    the first change and written after the last one, so an interrupted set-up is never taken for a complete one, and
+    the next set-up starts again from the beginning.
 
     Raises
     ------
     SetUpError
-        If there is no environment to be had, or no place for it; left to itself it ends the program with its message.
+        If the environment cannot be made; an uncaught SetUpError ends the program with its message.
     """
     with _file_errors_in_words():
         return _set_up()
@@ -49,19 +49,19 @@ def set_up() -> bool:
 
 @contextmanager
 def _file_errors_in_words():
-    """Say in one sentence where a folder cannot be written, a disk is full or a file is in the way."""
+    """Turn file errors (a folder cannot be written, a disk is full, a file is in the way) into one sentence."""
     try:
         yield
     except OSError as error:
         place = f" ({error.filename})" if error.filename else ""
         raise SetUpError(
             f"Set-up needs to write the folder {VENV}, and cannot: {error.strerror or error}{place}. "
-            "Mend that, or copy the project to where you can write, and run this command again."
+            "Fix that, or copy the project to where you can write, and run this command again."
         ) from error
 
 
 def _set_up():
-    """`set_up`, with the errors of the file system as they come."""
+    """Do the work of `set_up`; errors of the file system are not handled here."""
     if VENV.exists() and not VENV.is_dir():
         raise SetUpError(f"{VENV} is a file where set-up makes a folder. Move it away, then run this command again.")
     wanted, found = _wanted_stamp(), _read_stamp()
@@ -81,7 +81,7 @@ def _set_up():
     except BaseException as error:
         if not update:
             _remove()
-        elif isinstance(error, SetUpError):  # the installers change nothing before all is at hand
+        elif isinstance(error, SetUpError):  # the installers change nothing before they have all files
             _write_stamp(found)
         raise
     _write_stamp(wanted)
@@ -90,7 +90,7 @@ def _set_up():
 
 
 def _announce():
-    """Say what is about to be fetched, and how long that took where it was measured."""
+    """Print what will be fetched, and how long that typically takes."""
     tool = "uv" if shutil.which("uv") else "pip"
     print(
         f"Setting up {VENV} from {LOCK.name} with {tool}: {_pin_count()} packages, {FETCHED_MB} MB to fetch, "
@@ -100,7 +100,7 @@ def _announce():
 
 
 def _pin_count():
-    """How many packages the lock pins, on any system."""
+    """Number of packages that the lock file pins, for all systems together."""
     return len(re.findall(r"^[\w.-]+==", LOCK.read_text(encoding="utf-8"), re.MULTILINE))
 
 
@@ -110,17 +110,17 @@ def python() -> Path:
 
 
 def contrib_folder() -> Path:
-    """The folder that holds opencv-contrib, which cannot live in one environment with OpenCV."""
+    """The folder with opencv-contrib, which cannot share an environment with OpenCV."""
     return VENV / "contrib"
 
 
 def is_active() -> bool:
-    """Whether this very process runs in `.venv`."""
+    """Whether this process runs in `.venv`."""
     return Path(sys.prefix).resolve() == VENV.resolve()
 
 
 def _wanted_stamp():
-    """What the environment has to be made for: lock, kind of Python, place."""
+    """The stamp of a current environment: lock file, Python version, checkout."""
     try:
         lock = LOCK.read_bytes()
     except FileNotFoundError:
@@ -133,7 +133,7 @@ def _wanted_stamp():
 
 
 def _read_stamp():
-    """What `.venv` was made for: None without a stamp, empty after a set-up that was broken off."""
+    """The stamp of `.venv`; None if there is none, empty after an interrupted set-up."""
     try:
         return json.loads((VENV / STAMP_NAME).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -143,7 +143,7 @@ def _read_stamp():
 
 
 def _write_stamp(stamp):
-    """Replace the stamp in one step; None takes it away."""
+    """Replace the stamp in one step; None removes it."""
     VENV.mkdir(exist_ok=True)
     target = VENV / STAMP_NAME
     if stamp is None:
@@ -155,7 +155,7 @@ def _write_stamp(stamp):
 
 
 def _can_update(found, wanted):
-    """Whether installing into `.venv` is enough: it is whole, of this kind of Python, made here."""
+    """Whether it is enough to install into `.venv`: it is complete, for this Python version, and made here."""
     if found is not None:
         return _is_whole() and {**found, "lock": wanted["lock"]} == wanted
     if _venv_tag() == wanted["python"]:
@@ -167,7 +167,7 @@ def _can_update(found, wanted):
 
 
 def _venv_tag():
-    """The kind of Python in a `.venv` of unknown origin, None if that does not run or lacks pip."""
+    """The Python version in a `.venv` of unknown origin; None if it does not run or lacks pip."""
     code = "import pip, sys; print(sys.implementation.cache_tag)"
     try:
         return subprocess.check_output([python(), "-c", code], stderr=subprocess.DEVNULL, text=True).strip()
@@ -180,7 +180,7 @@ def _is_whole():
 
 
 def _remove():
-    """Delete `.venv`, the emptied stamp last: what is left if this is broken off is known for a ruin."""
+    """Delete `.venv`, with the emptied stamp last, so that the rest is recognised as incomplete after an interrupt."""
     _write_stamp({})
     for path in VENV.iterdir():
         if path.is_dir() and not path.is_symlink():
@@ -191,7 +191,7 @@ def _remove():
 
 
 def _make_venv():
-    """Make an empty `.venv` with pip, by the first tool that is found and works."""
+    """Make an empty `.venv` with pip, with the first tool that is found and works."""
     base = getattr(sys, "_base_executable", None) or sys.executable
     has_venv = importlib.util.find_spec("venv") and importlib.util.find_spec("ensurepip")
     commands = _venv_commands(base, VENV, has_venv)
@@ -206,7 +206,7 @@ def _make_venv():
 
 
 def _install():
-    """Install the lock, and show how far that is."""
+    """Install the lock file's packages and show the progress."""
 
     def run(command):
         return progress.run(command, _site_packages(), _pin_count())
@@ -215,12 +215,12 @@ def _install():
 
 
 def _pip_install(arguments, name, python_there=None):
-    """Install into `.venv`, or for another Python, without a word."""
+    """Install into `.venv`, or for another Python, without output."""
     _run_first(_install_commands("--quiet", *arguments, python_there=python_there), f"Installing {name}")
 
 
 def _install_commands(*arguments, python_there=None):
-    """The commands that install into `.venv`, or for another Python: uv's where that is found, and pip's."""
+    """The commands that install into `.venv`, or for another Python: with uv if it is found, and with pip."""
     uv, target = shutil.which("uv"), python_there or python()
     commands = [[target, "-m", "pip", "install", "--disable-pip-version-check", "--no-input", *arguments]]
     if uv:
@@ -229,9 +229,9 @@ def _install_commands(*arguments, python_there=None):
 
 
 def python_of_version(version: str) -> Path | None:
-    """Return the Python of an environment like `.venv` for another version of Python, or None where there is none.
+    """Return the Python of an environment like `.venv` for another Python version; None if that is not installed.
 
-    It lies in a folder of `.venv`, is made on first use and anew for another lock, and goes with `.venv`.
+    The environment is a folder in `.venv`.  It is made on first use, and again when the lock file changes.
     """
     base = shutil.which(f"python{version}")
     folder = VENV / f"python{version}"
@@ -250,8 +250,8 @@ def python_of_version(version: str) -> Path | None:
 def add_bench_packages() -> None:
     """Add the packages of the optional group `bench` to `.venv`, and opencv-contrib to a folder in it.
 
-    Whatever else they need stays at the version that the lock pins.  What cannot be had (no network) is named,
-    and left out.
+    Their dependencies stay at the versions that the lock file pins.  A package that cannot be installed (no network)
+    is named and left out.
     """
     lock = LOCK.read_text(encoding="utf-8")
     opencv = re.search(r"^opencv-python-headless==(\S+)", lock, re.MULTILINE).group(1)
@@ -264,14 +264,14 @@ def add_bench_packages() -> None:
 
 def _bench_group():
     """The requirements of the optional group `bench` in pyproject.toml."""
-    import tomllib  # since Python 3.11; an older one has been refused by now
+    import tomllib  # since Python 3.11; older versions were refused before
 
     with open(CHECKOUT / "pyproject.toml", "rb") as file:
         return tomllib.load(file)["project"]["optional-dependencies"]["bench"]
 
 
 def _try_to_install(arguments):
-    """Install into `.venv`; say so where that fails."""
+    """Install into `.venv`; print a message if that fails."""
     names = " ".join(str(argument) for argument in arguments)
     print(f"Installing for the benchmark: {names}", flush=True)
     try:
@@ -281,15 +281,15 @@ def _try_to_install(arguments):
 
 
 def _site_packages():
-    """The folder of `.venv` that packages are installed into."""
+    """The folder of `.venv` for packages."""
     return Path(sysconfig.get_path("purelib", "venv", {"base": str(VENV), "platbase": str(VENV)}))
 
 
 def _write_path_file():
-    """Make the checkout importable from every folder, in kernels too.
+    """Make the checkout importable from every folder, also in kernels.
 
-    Python reads this file in the locale's encoding (3.11, 3.12) and strips blanks: so the path in it is relative,
-    which is ASCII and ends in a dot whatever the checkout's folder is called.
+    Python reads this file in the locale's encoding (3.11, 3.12) and strips blanks.  So the path in it is relative: it
+    is ASCII and ends in a dot, whatever the name of the checkout's folder is.
     """
     packages = _site_packages()
     way_up = os.path.relpath(CHECKOUT, packages).replace(os.sep, "/")

@@ -1,9 +1,9 @@
-"""What a figure draws, as text: the part of a figure that a test can compare.
+"""Describes the content of a figure as text, which a test can compare.
 
-nbval does not look at images.  `figure_digest` reads a finished matplotlib figure and tells, for each of its axes,
+nbval does not compare images.  `figure_digest` reads a finished matplotlib figure and lists, for each of its axes, the
 labels, scales and limits, every line, patch, collection, image and text with its colour, and the legend.
-Positions are fractions of the axes (0 at the left and lower edge, 1 at the right and upper), to three digits: what
-cannot be told apart in the figure is not told apart in the digest.
+Positions are fractions of the axes (0 at the left and lower edge, 1 at the right and upper), to three digits, so
+differences that are invisible in the figure do not change the digest.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FAR = 2.0
-"""Positions outside the axes count up to so many widths of them: that they are outside is all that is seen."""
+"""Positions outside the axes are clipped at this many widths of the axes: a reader sees only that they are outside."""
 
 SAMPLES = 5
-"""Points that are told of each artist, from its first to its last, beside mean and standard deviation of all."""
+"""Number of points listed for each artist, from its first to its last, besides mean and standard deviation of all."""
 
 _KINDS = {
     Text: "text",
@@ -45,12 +45,12 @@ _KINDS = {
 
 
 def figure_digest(fig: Figure) -> str:
-    """Return what a figure draws, as text of some lines for each of its axes.
+    """Return a description of a figure's content, with several lines of text for each of its axes.
 
     Parameters
     ----------
     fig : Figure
-        Laid out as it is saved (``fig.draw_without_rendering()``).
+        With its final layout (``fig.draw_without_rendering()``).
 
     Returns
     -------
@@ -85,7 +85,7 @@ def figure_digest(fig: Figure) -> str:
 
 
 def _axes(ax):
-    """Titles, axes, artists and legend, a line or more each."""
+    """Lines for the titles, axes, artists and legend."""
     titles = [ax.get_title(place) for place in ("left", "center", "right")]
     lines = [f"  title {title!r}" for title in titles if title]
     if ax.axison:
@@ -98,7 +98,7 @@ def _axes(ax):
 
 
 def _axis(axis):
-    """Label, scale, limits and the tick labels that the data do not give."""
+    """Label, scale, limits, and those tick labels that do not follow from the data."""
     low, high = axis.get_view_interval()
     scale = "" if axis.get_scale() == "linear" else f" {axis.get_scale()}"
     ticks = [text.get_text() for text in axis.get_ticklabels()]
@@ -109,7 +109,7 @@ def _axis(axis):
 
 
 def _limits(low, high, nonlinear):
-    """Both limits of an axis to a hundredth to a thousandth of its length; of another scale than a linear one to three
+    """Both limits of an axis: to a hundredth to a thousandth of its length on a linear scale, otherwise to three
     digits."""
     if nonlinear:
         return f"{low:.2e} to {high:.2e}"
@@ -119,7 +119,7 @@ def _limits(low, high, nonlinear):
 
 
 def _magnitude(value):
-    """The power of ten of a value's first digit; 0 of zero."""
+    """The power of ten of a value's first digit; 0 for zero."""
     return int(np.floor(np.log10(abs(value)) + 1e-9)) if value else 0
 
 
@@ -135,14 +135,14 @@ def _legend(legend):
 
 
 def _kind(artist):
-    """The word for an artist that draws something, else None."""
+    """The word for an artist that draws something, or None."""
     if isinstance(artist, Legend) or (isinstance(artist, Text) and not artist.get_text()):
         return None
     return next((word for kind, word in _KINDS.items() if isinstance(artist, kind)), None)
 
 
 def _look(artist):
-    """Colour of an artist, or its colour map and range; marker and style of a line."""
+    """Colour of an artist (or its colour map and range); for a line also marker and style."""
     if isinstance(artist, Line2D):
         parts = (to_hex(artist.get_color()), artist.get_marker(), artist.get_linestyle())
         return " ".join(str(part) for part in parts if part not in ("None", "", " ", None))
@@ -158,7 +158,7 @@ def _look(artist):
 
 
 def _group(ax, kind, look, artists):
-    """The lines on neighbours of one kind and look, such as the bars of a histogram."""
+    """The lines for neighbouring artists of one kind and look, such as the bars of a histogram."""
     if kind == "contours":
         return [line for contours in artists for line in (f"  contours {look}", *_contours(ax, contours))]
     if kind == "text":
@@ -173,7 +173,7 @@ def _group(ax, kind, look, artists):
 
 
 def _values(kind, artist):
-    """What an artist shows beside its position: directions of arrows, grey levels and other mapped values."""
+    """What an artist shows besides its position: directions of arrows, grey levels and other mapped values."""
     if kind == "arrows":
         arrows = np.column_stack([artist.U, artist.V])
         longest = np.hypot(*arrows.T).max()
@@ -184,7 +184,7 @@ def _values(kind, artist):
 
 
 def _parts(artist):
-    """Means over the four quarters of an array of values, as fractions of the colour range; of each colour channel."""
+    """Means over the four quarters of an array of values, as fractions of the colour range, for each colour channel."""
     values = np.ma.filled(np.ma.asarray(artist.get_array(), dtype=float), 0.0)
     if values.ndim == 3:
         values = values / (values.max() if values.max() > 1 else 1.0)
@@ -200,7 +200,7 @@ def _parts(artist):
 
 
 def _positions(ax, artist):
-    """Points (n, 2) of an artist as fractions of the axes, without those that have no place there."""
+    """Points (n, 2) of an artist as fractions of the axes, without those that are not finite."""
     if isinstance(artist, Text):
         display = artist.get_transform().transform([artist.get_unitless_position()])
     elif isinstance(artist, Line2D):
@@ -217,7 +217,7 @@ def _positions(ax, artist):
 
 
 def _collection_positions(collection):
-    """Where a collection draws: its markers and arrows, or its paths if each is in its own place."""
+    """Positions of a collection: of its markers and arrows, or of its paths if they have no offsets."""
     if not isinstance(collection.get_offset_transform(), IdentityTransform):
         return collection.get_offset_transform().transform(np.ma.reshape(collection.get_offsets(), (-1, 2)))
     vertices = [path.vertices for path in collection.get_paths()]
@@ -236,7 +236,7 @@ def _summary(names, points):
 
 
 def _contours(ax, contours):
-    """Levels, and the centre of all lines by their length: a line may have more or fewer vertices, but no other place."""
+    """Levels, and the centre of all lines weighted by length, which does not depend on the number of vertices."""
     to_axes = contours.get_transform() - ax.transAxes
     outlines = [line for path in contours.get_paths() for line in path.to_polygons(to_axes, closed_only=False)]
     if not outlines:

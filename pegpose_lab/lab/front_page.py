@@ -1,7 +1,7 @@
-"""The numbers on the README's first page, written there from data/results and nowhere typed by hand.
+"""Writes the numbers on the README's first page from data/results, so that none is typed by hand.
 
-`write` renews two blocks of the README: ``findings``, five sentences, and ``quality``, a table of eight rows.  The
-full tables stand in data/results/README.md (`claims.update_readme`, `bench.write`).
+`write` updates two blocks of the README: ``findings``, five sentences, and ``quality``, a table of eight rows.  The
+full tables are in data/results/README.md (`claims.update_readme`, `bench.write`).
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from . import results
 
 
 def write(readme: Path, folder: Path) -> None:
-    """Renew both blocks of a README from the results in a folder.
+    """Update both blocks of a README from the results in a folder.
 
     Raises
     ------
     ValueError
-        If a block has no single pair of markers.
+        If a block does not have exactly one pair of markers.
     """
     for name, text in _blocks(Path(folder)).items():
         results.update_block(readme, name, text)
 
 
 def is_current(readme: Path, folder: Path) -> bool:
-    """Return whether `write` would leave the README as it is; raises as it does."""
+    """Return whether `write` would leave the README unchanged; raises like `write`."""
     return all(results.block_is_current(readme, name, text) for name, text in _blocks(Path(folder)).items())
 
 
@@ -43,7 +43,7 @@ def _findings(folder):
     """Five findings, each with the notebooks that show it."""
     candidates = _table(folder, "08_candidates").set_index("corners, variant")
     success = _table(folder, "04_success_100")
-    default, printed = success["paper's view"].iloc[[0, -1]]  # first no printed form, last all of them
+    default, printed = success["paper's view"].iloc[[0, -1]]  # the first row has no printed form, the last row has all
     intervals = _table(folder, "09_intervals")["95 % intervals that hold it (%)"]
     clean = _circles(folder).loc[(OURS, "clean")]
     ours, whole = (candidates.loc[name, "two stages, Eq. 7"] for name in ("find_corners", "whole pixels"))
@@ -53,28 +53,28 @@ def _findings(folder):
         f"**The paper.** {claims.summary(claims.claims_table(results.load_values(folder)))} (08)",
         f"**{printed_ga} px against {printed_zhang} px.** The residual tells of the corners, not of the calibration: "
         "the two stages leave "
-        f"{ours:.4f} px with our corners and {whole:.2f} px with corners rounded to whole pixels, where Zhang's method leaves "
-        f"{zhang:.2f} px. Several explanations of the printed gap are computed; none is proven. (05, 07, 08)",
+        f"{ours:.4f} px with our corners and {whole:.2f} px with corners rounded to whole pixels, where Zhang's method "
+        f"leaves {zhang:.2f} px. Several explanations of the printed gap are computed; none is proven. (05, 07, 08)",
         f"**The genetic algorithm** finds the optimum of its box in {default:.0f} of 100 runs on the paper's "
         f"view once its genes are magnification and depth; with genes and operators as printed in "
         f"{printed:.0f}. (04)",
-        f"**A small residual is no sign of a good camera.** The joint calibration states intervals; on simulated experiments "
-        f"{intervals.min():.1f} to {intervals.max():.1f} % of its 95 % intervals hold the truth, as long as the lens is the "
-        f"model and corner errors are independent. (09)",
-        f"**Circles** on renderings are measured at {clean['center']:.2f} times the physical limit of noise and blur, with a "
-        f"sigma for each. On photographs much is still missed. (02)",
+        "**A small residual is no sign of a good camera.** The joint calibration states intervals; on simulated "
+        f"experiments {intervals.min():.1f} to {intervals.max():.1f} % of its 95 % intervals hold the truth, as long "
+        "as the lens is the model and corner errors are independent. (09)",
+        f"**Circles** on renderings are measured at {clean['center']:.2f} times the physical limit of noise and blur, "
+        f"with a sigma for each. On photographs much is still missed. (02)",
     ]
     return "\n".join(f"{number}. {line}" for number, line in enumerate(lines, 1))
 
 
 def _circles(folder):
-    """The benchmark of circles at its tables' noise, by method and scene."""
+    """The circle benchmark at the noise of its tables, by method and scene."""
     circles = _table(folder, "bench_circles")
     return circles[circles["noise"] == TARGET_NOISE].set_index(["method", "scene"])
 
 
 def _quality(folder):
-    """Eight rows: what is measured, how well, beside a peer or a bound."""
+    """Eight rows: a quantity, our result, and that of a peer or a bound."""
     circles = _circles(folder)
     intervals = _table(folder, "09_intervals")["95 % intervals that hold it (%)"]
     chain = _table(folder, "06_chain_errors").set_index("camera")["peg centres (mm)"]
@@ -82,14 +82,16 @@ def _quality(folder):
     hough = circles.loc[(REFERENCE, "clean")], circles.loc[(REFERENCE, "clutter")]
     rows = [
         ["on renderings with a known truth", "ours", "beside it"],
-        ["peg centre: error over the physical limit, clean", f"{clean['center']:.2f}", f"{REFERENCE} {hough[0]['center']:.0f}"],
+        ["peg centre: error over the physical limit, clean", f"{clean['center']:.2f}",
+         f"{REFERENCE} {hough[0]['center']:.0f}"],
         ["the same with highlights and swarf", f"{clutter['center']:.2f}", f"{REFERENCE} {hough[1]['center']:.0f}"],
         [f"time of it over {REFERENCE}", f"{clean['time_ratio']:.2f} to {clutter['time_ratio']:.2f}", "1"],
         ["pegs found, false circles per frame, swarf", f"{clutter['detection']:.0f} %, {clutter['false_positives']:g}",
          f"{hough[1]['detection']:.1f} %, {hough[1]['false_positives']:g}"],
         ["95 % intervals of discs that hold the truth, clean", f"{clean['coverage']:.1f} %", "95 %"],
         ["the same with side walls and turning marks", f"{look['coverage']:.1f} %", "95 %"],
-        ["95 % intervals of the camera that hold the truth", f"{intervals.min():.1f} to {intervals.max():.1f} %", "95 %"],
+        ["95 % intervals of the camera that hold the truth", f"{intervals.min():.1f} to {intervals.max():.1f} %",
+         "95 %"],
         ["peg centres of the whole chain, rms: joint calibration", f"{chain['joint']:.4f} mm",
          f"two stages {chain['stages 1 + 2']:.4f} mm"],
     ]  # fmt: skip

@@ -7,11 +7,11 @@ from importlib import metadata
 
 
 class SetUpError(SystemExit):
-    """There is no environment to be had; the message says why and what to do."""
+    """The environment cannot be made; the message says why and what to do."""
 
 
 def _venv_commands(base, folder, has_venv):
-    """What makes an environment of the Python `base`: uv, the module venv, virtualenv, as far as they are there."""
+    """The commands that can make an environment for the Python `base`: uv, the module venv, virtualenv, if present."""
     uv, virtualenv = shutil.which("uv"), shutil.which("virtualenv")
     commands = []
     if uv:
@@ -24,7 +24,7 @@ def _venv_commands(base, folder, has_venv):
 
 
 def _has_package(requirement):
-    """Whether this very Python has the package that a requirement names, in any version."""
+    """Whether the running Python has the package of a requirement, in any version."""
     try:
         return bool(metadata.version(re.match(r"[\w.-]+", requirement).group()))
     except metadata.PackageNotFoundError:
@@ -34,4 +34,4 @@ def _has_package(requirement):
 def _run_first(commands, task, run=None):
     """Run commands until one succeeds; `run` runs one and returns its exit code (default: `subprocess.call`)."""
     if all((run or subprocess.call)(command) for command in commands):
-        raise SetUpError(f"{task} failed; the lines above say why. Once that is mended, run the command again.")
+        raise SetUpError(f"{task} failed; the lines above say why. Once that is fixed, run the command again.")

@@ -1,7 +1,7 @@
-"""What ``python3 -m pegpose_lab measure`` makes: the tables of data/measured, each with the function that writes it.
+"""The tables of data/measured that ``python3 -m pegpose_lab measure`` makes, each with the function that writes it.
 
-The table stands here, and not in `study`, so that ``measure --help`` shows it on a bare Python: this file imports the
-standard library only, and a function's room when that function is called.
+The list is here and not in `study`, so that ``measure --help`` can show it on a bare Python.  This file imports only
+the standard library; a function's package is imported when the function is called.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 class Measurement(NamedTuple):
     """A line of `MEASUREMENTS`."""
 
-    function: str  # room and name of the function, which takes the folder that it writes into
+    function: str  # package and name of the function, which takes the output folder
     files: tuple  # the CSV files that it writes
-    takes: str  # about how long, on two cores
+    takes: str  # approximate time on two cores
     photographs: tuple = ()  # data sets of third-party photographs that it needs
 
 
@@ -44,11 +44,11 @@ MEASUREMENTS = {
     "peer_settings": Measurement("bench.write_peer_settings", ("peer_settings",), "10 min"),
     "two_stage_counts": Measurement("study.write_two_stage_counts", ("two_stage_counts",), "10 min"),
 }  # fmt: skip
-"""Name: measurement, those of third-party photographs first, then from fast to slow."""
+"""Measurements by name: first those of third-party photographs, then the others from fast to slow."""
 
 
 def known(name: str) -> str:
-    """Return the name of a measurement; end the program in one sentence if there is none of that name."""
+    """Return the name of a measurement; SystemExit with one sentence if there is none of that name."""
     if name not in MEASUREMENTS:
         raise SystemExit(f"Nothing to measure is called {name}; there are: {', '.join(MEASUREMENTS)}.")
     return name
@@ -69,18 +69,18 @@ def listed() -> str:
 
 
 def measure(names: Sequence[str], folder: Path) -> int:
-    """Make measurements anew in a folder; return the exit code.
+    """Repeat measurements and write them into a folder; return the exit code.
 
     Parameters
     ----------
     names : list of str
-        Of `MEASUREMENTS`; none of them means all that can be made here.
+        Keys of `MEASUREMENTS`; an empty list means all that can be made here.
     folder : Path
 
     Raises
     ------
     SystemExit
-        If a measurement was asked for by name and its photographs are not there; nothing has been written then.
+        If a measurement was requested by name and its photographs are missing; then nothing is written.
     """
     reasons = {name: _missing(name) for name in names or MEASUREMENTS}
     missing = [reason for reason in reasons.values() if reason]
@@ -96,7 +96,7 @@ def measure(names: Sequence[str], folder: Path) -> int:
 
 
 def _missing(name):
-    """Why a measurement cannot be made here, in one sentence; nothing if it can."""
+    """One sentence that says why a measurement cannot be made here, or "" if it can."""
     from .. import study
 
     absent = []
@@ -114,7 +114,7 @@ def _missing(name):
 
 
 def _function(name):
-    """The function that makes a measurement."""
+    """The function of a measurement."""
     from .. import bench, study
 
     room, function = MEASUREMENTS[name].function.split(".")

@@ -1,7 +1,7 @@
 """One style for every figure: ``plot_*(ax, ...)`` draws into given axes, `save_figure` writes the files.
 
-Each method keeps its colour everywhere (`COLORS` of `style`, which colour-blind readers can tell apart; notebooks find
-it and its companions here, too).  `show_figure` also stores what the figure draws, because nbval does not compare images.
+A method has the same colour everywhere (`style.COLORS`, which notebooks can also import from here).  `show_figure`
+also stores a description of the figure, because nbval does not compare images.
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ def figure(
 
 
 def save_figure(fig: Figure, name: str) -> tuple[Path, str]:
-    """Write `fig` as figures/<name>.png below the output folder, the paper's figures (``fig..``) as .pdf, too.
+    """Write `fig` as figures/<name>.png below the output folder; the paper's figures (``fig..``) also as .pdf.
 
-    The same figure gives the same bytes.  The PNG carries what it draws (`figure_digest`) as its description.
+    The same figure gives the same bytes.  The PNG has its content (`figure_digest`) as its description.
 
     Returns
     -------
     Path
         The PNG.
     str
-        What it draws.
+        Its description.
     """
-    fig.draw_without_rendering()  # lays it out; once is enough for all files and the digest
+    fig.draw_without_rendering()  # computes the layout, once for all files and the digest
     fig.set_layout_engine("none")
     target, drawn = output_folder() / "figures" / f"{name}.png", figure_digest(fig)
     with replacing(target) as path:
@@ -66,10 +66,10 @@ def save_figure(fig: Figure, name: str) -> tuple[Path, str]:
 
 
 def show_figure(fig: Figure, name: str) -> None:
-    """Save `fig` (see `save_figure`) and show the very file in the notebook; the figure is closed.
+    """Save `fig` (see `save_figure`), show the saved file in the notebook and close the figure.
 
-    It is the last call of the one cell that builds a figure.  The output's text, which a reader never sees beside
-    the image and which nbval compares, tells what the figure draws (see `figure_digest`).
+    It must be the last call in the cell that builds the figure.  The text of the output describes the figure (see
+    `figure_digest`); nbval compares this text, and a reader sees only the image.
     """
     path, drawn = save_figure(fig, name)
     content = base64.b64encode(path.read_bytes()).decode("ascii")
@@ -89,7 +89,7 @@ def plot_image(
     *,
     limits: tuple[float, float, float, float] | None = None,
 ) -> None:
-    """Show a picture with pixel coordinates; `limits` = (left, right, top, bottom) px to zoom (only that part is drawn)."""
+    """Show an image with pixel coordinates; `limits` = (left, right, top, bottom), px, draws only that part."""
     image = np.asarray(image)
     left, right, top, bottom = (0, image.shape[1] - 1, 0, image.shape[0] - 1) if limits is None else limits
     box = _shown_box(image.shape, left, right, top, bottom)
@@ -100,21 +100,21 @@ def plot_image(
 
 
 def _shown_box(shape, left, right, top, bottom):
-    """Rows and columns, as slices, of the pixels within limits."""
+    """Slices of the rows and columns of the pixels within limits."""
     first = np.clip(np.floor([top, left]), 0, np.array(shape[:2]) - 1).astype(int)
     last = np.clip(np.ceil([bottom, right]), 0, np.array(shape[:2]) - 1).astype(int)
     return tuple(slice(low, high + 1) for low, high in zip(first, last, strict=False))
 
 
 def _show_part(ax, part, box, **style):
-    """Show a part of a picture where it lies in the picture."""
+    """Show a part of an image at its position in the image."""
     rows, columns = box
     extent = (columns.start - 0.5, columns.stop - 0.5, rows.stop - 0.5, rows.start - 0.5)
     ax.imshow(part, interpolation="nearest", extent=extent, **style)
 
 
 def plot_mask(ax: Axes, mask: ArrayLike, *, color: str, label: str | None = None, alpha: float = 0.75) -> None:
-    """Lay a mask over the picture in `ax`, in one colour."""
+    """Draw a mask over the image in `ax`, in one colour."""
     mask = np.asarray(mask, bool)
     y, x = np.nonzero(mask)
     if len(x):
@@ -128,7 +128,7 @@ def plot_mask(ax: Axes, mask: ArrayLike, *, color: str, label: str | None = None
 def plot_circles(
     ax: Axes, centers: ArrayLike, radii: ArrayLike, *, color: str = COLORS["genetic"], label: str | None = None
 ) -> None:
-    """Circles with their centres."""
+    """Draw circles with their centres."""
     for center, radius in zip(np.atleast_2d(centers), np.atleast_1d(radii), strict=False):
         ax.add_patch(plt.Circle(center, radius, fill=False, color=color, linewidth=1.2))
     ax.plot(*np.atleast_2d(centers).T, "+", color=color, markersize=7, label=label)
@@ -143,7 +143,7 @@ def plot_ellipses(
     color: str = COLORS["joint"],
     label: str | None = None,
 ) -> None:
-    """Ellipses with their centres; semi-axes px, angles rad."""
+    """Draw ellipses with their centres; semi-axes in px, angles in rad."""
     for center, (major, minor), angle in zip(centers, semi_axes, angles, strict=False):
         ax.add_patch(
             Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2)
@@ -160,7 +160,7 @@ def plot_residuals(
     color: str = COLORS["genetic"],
     image_size: tuple[int, int] | None = None,
 ) -> None:
-    """Residuals as arrows, `scale` times enlarged, with the longest one's length in the title."""
+    """Draw residuals as arrows, enlarged by `scale`, with the length of the longest in the title."""
     ax.quiver(*image_points.T, *residuals.T, angles="xy", scale_units="xy", scale=1 / scale, color=color, width=0.003)
     longest = np.hypot(*residuals.T).max()
     ax.set(xlabel="x (px)", ylabel="y (px)", title=f"residuals x {scale:g}; longest {longest:.3f} px", aspect="equal")
@@ -171,7 +171,7 @@ def plot_residuals(
 def plot_convergence(
     ax: Axes, histories: Iterable[pd.DataFrame], *, label: str, color: str, floor: float | None = None
 ) -> None:
-    """Best objective over the generations, one line for each history (seed)."""
+    """Draw the best objective over the generations, one line for each history (seed)."""
     for number, history in enumerate(histories):
         ax.semilogy(
             history["generation"], history["best"], color=color, alpha=0.6, label=label if number == 0 else None
@@ -182,7 +182,7 @@ def plot_convergence(
 
 
 def plot_map(ax: Axes, x: ArrayLike, y: ArrayLike, values: ArrayLike) -> Any:
-    """Filled contours of `values` (len(y), len(x)); returns them for a colour bar."""
+    """Draw filled contours of `values` (len(y), len(x)); returns them for a colour bar."""
     filled = ax.contourf(x, y, values, levels=16, cmap="cividis")
     ax.set_aspect("equal")
     return filled
@@ -197,7 +197,7 @@ def plot_error_histogram(
     color: str = COLORS["genetic"],
     label: str | None = None,
 ) -> None:
-    """Frequency of re-projection distances (Fig. 6), with the share below `limit` in the legend."""
+    """Draw a histogram of reprojection distances (Fig. 6), with the share below `limit` in the legend."""
     edges = np.linspace(0, max(distances.max(), limit or 0) * 1.02, 25) if bins is None else bins
     if limit is not None:
         label = f"{label + ': ' if label else ''}{100 * np.mean(distances < limit):.0f} % below {limit:g} px"
@@ -211,7 +211,7 @@ def plot_error_histogram(
 def plot_error_scatter(
     ax: Axes, residuals: Floats, *, color: str = COLORS["genetic"], label: str | None = None, limit: float | None = None
 ) -> None:
-    """Re-projection errors in x and y (Fig. 7), with a circle at `limit`."""
+    """Draw reprojection errors in x and y (Fig. 7), with a circle at `limit`."""
     ax.plot(*residuals.T, ".", color=color, markersize=3, alpha=0.6, label=label)
     if limit is not None:
         ax.add_patch(plt.Circle((0, 0), limit, fill=False, color=COLORS["paper"], linestyle=":"))
@@ -232,9 +232,9 @@ def plot_dots(
     printed: Iterable[float] = (),
     logarithmic: bool = False,
 ) -> None:
-    """Dots in a row for each name, one colour for each method; printed numbers as dotted vertical lines.
+    """Draw a row of dots for each name, one colour per method, and printed numbers as dotted vertical lines.
 
-    `values` maps a method to as many numbers as there are `names`, `colors` a method to its colour.
+    `values` maps a method to one number for each of `names`, and `colors` maps it to its colour.
     """
     rows = np.arange(len(names))
     for method, (label, numbers) in enumerate(values.items()):
@@ -261,7 +261,7 @@ def plot_dots(
 def plot_profiles(
     ax: Axes, x: ArrayLike, values: Mapping[str, ArrayLike], *, colors: Mapping[str, str], xlabel: str, ylabel: str
 ) -> None:
-    """One line over `x` for each label of `values`."""
+    """Draw one line over `x` for each label of `values`."""
     for label, numbers in values.items():
         ax.plot(x, numbers, color=colors[label], label=label)
     ax.set(xlabel=xlabel, ylabel=ylabel)
@@ -270,7 +270,7 @@ def plot_profiles(
 def plot_quadrilateral(
     ax: Axes, corners: Floats, *, color: str, label: str | None = None, lengths: Sequence[str] | None = None
 ) -> None:
-    """Closed outline of four or more corners (n, 2) px, with a text at the middle of each side (y down)."""
+    """Draw a closed outline of four or more corners (n, 2) px, with a text at the middle of each side (y down)."""
     ax.plot(*np.vstack([corners, corners[:1]]).T, "o-", color=color, markersize=5, label=label)
     middle = np.mean(corners, axis=0)
     for text, start, end in zip(lengths or (), corners, np.roll(corners, -1, axis=0), strict=False):
@@ -282,7 +282,7 @@ def plot_quadrilateral(
 
 
 def plot_block_means(ax: Axes, table: pd.DataFrame, *, color: str = COLORS["paper"], label: str = "paper") -> None:
-    """Table 3: mean of each block of frames with its standard error sd / sqrt(frames) (see `paper.table3`)."""
+    """Draw Table 3: the mean of each block of frames with its standard error sd / sqrt(frames) (`paper.table3`)."""
     count = table["last_frame"] - table["first_frame"] + 1
     middle = (table["first_frame"] + table["last_frame"]) / 2
     ax.errorbar(

@@ -1,6 +1,6 @@
-"""How far an installation is: what pip or uv says, counted and shown in one line.
+"""Progress of an installation: counts the packages in the output of pip or uv and shows them in one line.
 
-Like `environment` this file has to run on a bare Python: it imports the standard library only.
+Like `environment`, this file must run on a bare Python, so it imports only the standard library.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
-INTERVAL = 10.0  # s between two lines where a line cannot be written over
-LAST_LINES = 20  # of what the installer said, shown if it fails
+INTERVAL = 10.0  # s between two lines if a line cannot be overwritten
+LAST_LINES = 20  # of the installer's output, shown if it fails
 
 _FETCHED = re.compile(r"\s*(?:Collecting|Processing|Requirement already satisfied:|Downloaded|Built) ")
 _PREPARED = re.compile(r"Prepared (\d+) packages? ")
@@ -24,14 +24,14 @@ _RESOLVED = re.compile(r"Resolved (\d+) packages? ")
 
 
 class Count:
-    """Packages fetched, of how many, from the lines of pip or uv."""
+    """Number of packages fetched and their total, from the output of pip or uv."""
 
     def __init__(self, total):
-        self.total = total  # pins of all systems; the installer says how many of them are for this one
+        self.total = total  # pins of all systems; the installer tells how many apply to this one
         self.fetched = 0
 
     def read(self, line: str) -> None:
-        """Take in one line."""
+        """Read one line of output."""
         resolved, prepared = _RESOLVED.match(line), _PREPARED.match(line)
         if resolved:
             self.total = int(resolved.group(1))
@@ -44,15 +44,15 @@ class Count:
 
 
 def run(command: list[str | Path], folder: Path, total: int) -> int:
-    """Run an installer, show how many packages are fetched and installed; return its exit code.
+    """Run an installer, show how many packages it has fetched and installed, and return its exit code.
 
     Parameters
     ----------
     command : list
     folder : Path
-        Where the packages go: an installed one has a ``.dist-info`` there.
+        Folder for the packages; an installed one has a ``.dist-info`` there.
     total : int
-        Packages to be installed.
+        Number of packages to install.
     """
     count, lines = Count(total), []
     before = _installed(folder)
@@ -84,16 +84,16 @@ def run(command: list[str | Path], folder: Path, total: int) -> int:
 
 
 def _show(count, folder, before, done):
-    """Show the count until it is done: in one line on a terminal, else in a line now and then."""
+    """Show the count until `done` is set: in one line on a terminal, otherwise in a new line every `INTERVAL`."""
     terminal, start = sys.stdout.isatty(), time.monotonic()
     while not done.wait(0.5 if terminal else INTERVAL):
-        installed = max(0, _installed(folder) - before)
-        text = f"  {count.fetched} of {count.total} packages fetched, {installed} installed, {time.monotonic() - start:.0f} s"
+        installed, seconds = max(0, _installed(folder) - before), time.monotonic() - start
+        text = f"  {count.fetched} of {count.total} packages fetched, {installed} installed, {seconds:.0f} s"
         print(f"\r{text}" if terminal else text, end="" if terminal else "\n", flush=True)
     if terminal:
         print("\r\x1b[K", end="", flush=True)
 
 
 def _installed(folder):
-    """How many packages are in a folder."""
+    """Number of packages in a folder."""
     return sum(1 for _ in folder.glob("*.dist-info"))

@@ -1,7 +1,7 @@
-"""Where notebooks put what they find: tables as CSV and LaTeX, and single values for the claims.
+"""Saves and reads the notebooks' results: tables as CSV and LaTeX, and single values for the claims.
 
-Everything is written below one folder: the one that the environment variable ``PEGPOSE_OUTPUT`` names, else
-the checkout.  A file is written under a temporary name and then renamed, so a reader never meets half a file.
+Everything is written below one folder: the one in the environment variable ``PEGPOSE_OUTPUT``, or else the checkout.
+A file is written under a temporary name and then renamed, so a reader never sees half a file.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 
 
 def read_csv(path: str | PathLike[str], *, as_text: bool = False, **options: Any) -> DataFrame:
-    """Read a CSV file of the project: lines that begin with # are comments.
+    """Read a CSV file of the project; lines that begin with # are comments.
 
     Parameters
     ----------
     path : path
     as_text : bool
-        Leave every cell the text that it is, an empty one too.
+        Keep every cell as text, also empty ones.
     **options
-        Of `pandas.read_csv`: ``dtype``, ``index_col``.
+        Options of `pandas.read_csv`: ``dtype``, ``index_col``.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def read_csv(path: str | PathLike[str], *, as_text: bool = False, **options: Any
 def write_csv(
     path: str | PathLike[str], table: DataFrame, *, comment: str = "", float_format: str | None = None
 ) -> None:
-    """Write a DataFrame without its index as a CSV file, whole or not at all, below a line of comment if there is one."""
+    """Write a DataFrame without its index as a CSV file, below an optional comment line; no partial file is left."""
     body = table.to_csv(index=False, float_format=float_format, lineterminator="\n")
     first = f"# {' '.join(comment.split())}\n" if comment else ""
     with replacing(path) as temporary:
@@ -64,7 +64,7 @@ def write_table(folder: str | PathLike[str], name: str, table: DataFrame, *, dec
     folder = Path(folder)
     rounded = table.round(decimals)
     numbers = rounded.select_dtypes("float").columns
-    rounded[numbers] += 0.0  # no minus sign before zero
+    rounded[numbers] += 0.0  # turns -0.0 into 0.0
     write_csv(folder / f"{name}.csv", rounded)
     with replacing(folder / f"{name}.tex") as path:
         path.write_text(latex(rounded), encoding="utf-8")
@@ -76,7 +76,7 @@ def load_table(name: str) -> DataFrame:
     Raises
     ------
     FileNotFoundError
-        If it has not been saved; the message names it.
+        If it has not been saved; the message names the file.
     """
     path = results_folder() / f"{name}.csv"
     if not path.is_file():
@@ -85,7 +85,7 @@ def load_table(name: str) -> DataFrame:
 
 
 def save_values(notebook: str, values: Mapping[str, float], *, digits: int = 6) -> None:
-    """Write our values of printed numbers, {claim id: number}, as data/results/<notebook>_values.csv.
+    """Write our values for the paper's numbers, {claim id: number}, as data/results/<notebook>_values.csv.
 
     Raises
     ------
@@ -110,12 +110,12 @@ def latex(table: DataFrame) -> str:
 
 
 def update_block(path: str | PathLike[str], name: str, text: str) -> None:
-    """Put `text` between the markers ``<!-- name:begin -->`` and ``<!-- name:end -->`` of a Markdown file.
+    """Write `text` between the markers ``<!-- name:begin -->`` and ``<!-- name:end -->`` of a Markdown file.
 
     Raises
     ------
     ValueError
-        If the file does not have exactly one such pair.
+        If the file does not have exactly one pair of these markers.
     """
     _, updated = _with_block(path, name, text)
     with replacing(path) as temporary:
@@ -123,13 +123,13 @@ def update_block(path: str | PathLike[str], name: str, text: str) -> None:
 
 
 def block_is_current(path: str | PathLike[str], name: str, text: str) -> bool:
-    """Return whether `update_block` would leave the file as it is; raises as it does."""
+    """Return whether `update_block` would leave the file unchanged; raises like `update_block`."""
     before, updated = _with_block(path, name, text)
     return before == updated
 
 
 def _with_block(path, name, text):
-    """The text of the file as it stands, and with `text` between its markers."""
+    """The present text of the file, and the same with `text` between its markers."""
     begin_mark, end_mark = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
     before = Path(path).read_text(encoding="utf-8")
     begin, end = before.find(begin_mark), before.find(end_mark)
@@ -139,7 +139,7 @@ def _with_block(path, name, text):
 
 
 def markdown(rows: Iterable[Sequence[Any]], alignment: str) -> str:
-    """Return a Markdown table; the first of `rows` is the head, `alignment` has an l or r for each column."""
+    """Return a Markdown table; the first of `rows` is the header, and `alignment` has an l or r for each column."""
     rules = [{"l": "---", "r": "---:"}[letter] for letter in alignment]
     first, *more = ([str(cell).replace("|", r"\|") for cell in row] for row in rows)
     return "\n".join("| " + " | ".join(row) + " |" for row in [first, rules, *more])

@@ -1,6 +1,6 @@
-"""Colours, markers and sizes of every figure: each method keeps its colour everywhere.
+"""Colours, markers and sizes of every figure; a method has the same colour everywhere.
 
-`COLORS` is the Okabe-Ito palette, which colour-blind readers can tell apart.
+`COLORS` is the Okabe-Ito palette, which colour-blind readers can distinguish.
 """
 
 COLORS = {
@@ -15,9 +15,9 @@ COLORS = {
 }
 
 SERIES = ("#332288", "#CC6677", "#117733", "#AA9933", "#88CCEE", "#882255")
-"""Colours of what is no method: views, tilts, pegs, readings (from Paul Tol's muted palette)."""
+"""Colours of series that are not methods: views, tilts, pegs, readings (from Paul Tol's muted palette)."""
 
-# Colour, marker and line of each circle detector: one colour for a family, ours full and thick.
+# Colour, marker and line style of each circle detector: one colour per family, a solid line for ours.
 DETECTORS = {
     "ours": ("#009E73", "o", "-"),
     "find_circles two-stage": ("#009E73", "s", ":"),
@@ -33,7 +33,7 @@ DETECTORS = {
 }
 
 DPI = 150
-"""Resolution of a saved figure, pixels per inch; in a notebook it is shown at the style's own 100."""
+"""Resolution of a saved figure, pixels per inch; a notebook shows it at the style's 100."""
 
 STYLE = {
     "figure.dpi": 100,

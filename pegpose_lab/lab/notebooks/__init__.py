@@ -1,5 +1,5 @@
-"""Notebooks: opened (`exploring`), run (`running`, `processors`) and compared (`agreement`, `testing`).
+"""Opens notebooks (`exploring`), runs them (`running`, `processors`) and compares them (`agreement`, `testing`).
 
-Nothing is imported here, since `exploring` has to start on a bare Python.  What all notebooks need while
-they run belongs into `running`.
+Nothing is imported here, because `exploring` must start on a bare Python.  What all notebooks need while they run
+belongs in `running`.
 """

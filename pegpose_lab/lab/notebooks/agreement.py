@@ -1,8 +1,8 @@
-"""Whether two runs say the same: words to the letter, numbers to one unit of their last printed digit.
+"""Compares the outputs of two runs: words exactly, numbers to one unit of their last printed digit.
 
-Another processor adds in another order, so the last digit that is printed may be rounded the other way.  Numbers
-of which one text prints a decimal point or an exponent are therefore compared as numbers; whole numbers are counts, and
-have to be equal like all other text.  The notebooks' tests (`testing`) and ``reproduce`` (`running`) both ask here.
+Another processor adds in another order, so the last printed digit may be rounded differently.  Numbers that have a
+decimal point or an exponent in one of the texts are therefore compared as numbers.  Whole numbers are counts and
+must be equal, like all other text.  The notebooks' tests (`testing`) and ``reproduce`` (`running`) both use this.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 IMAGE_TOLERANCE = 6.0
-"""Largest root mean square difference of two renderings of one figure, in grey levels of 255.
+"""Largest root mean square difference of two renderings of the same figure, in grey levels of 255.
 
-Some last digits in the titles of a small figure stay below it, a curve or a label that is missing does not (both in
-`test_agreement`); what data, labels and colours a figure has is compared by its digest.
+A few different last digits in the titles of a small figure stay below it; a missing curve or label does not
+(`test_agreement` tests both).  Data, labels and colours of a figure are compared by its digest.
 """
 
 _NUMBER = re.compile(r"(?<![\w.])[-+\u2212]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![\d.]*\.?\d)")
@@ -25,7 +25,7 @@ _SPACES = re.compile(r"[ \t]+")
 
 
 def texts_agree(stored: str, fresh: str) -> bool:
-    """Return whether two texts say the same.
+    """Return whether two texts agree.
 
     Parameters
     ----------
@@ -35,9 +35,9 @@ def texts_agree(stored: str, fresh: str) -> bool:
     Returns
     -------
     bool
-        True if all words, signs and whole numbers are equal, and every other number differs by no more than one unit
-        of the last digit that either text prints.  The width of white space does not count: columns of a table
-        widen with a sign or a digit.
+        True if all words, signs and whole numbers are equal, and every other number differs by at most one unit
+        of the last digit in either text.  The width of white space is ignored, because table columns become wider
+        with a sign or a digit.
 
     Examples
     --------
@@ -56,12 +56,12 @@ def texts_agree(stored: str, fresh: str) -> bool:
 
 
 def _words(text):
-    """Text between two numbers, with white space of one width."""
+    """Text between two numbers, with white space reduced to single blanks."""
     return _SPACES.sub(" ", text)
 
 
 def _numbers_agree(stored, fresh):
-    """Whether two printed numbers differ by at most one unit of the last digit of the finer one; whole numbers by none."""
+    """Whether two whole numbers are equal, or two other numbers differ by at most one unit of the finer last digit."""
     pair = [Decimal(text.replace("\u2212", "-")) for text in (stored, fresh)]
     whole = all(text.lstrip("-+\u2212").isdigit() for text in (stored, fresh))
     unit = 0 if whole else Decimal(1).scaleb(min(number.as_tuple().exponent for number in pair))
@@ -69,13 +69,13 @@ def _numbers_agree(stored, fresh):
 
 
 def files_agree(stored: Path, fresh: Path) -> bool:
-    """Return whether two files of results say the same.
+    """Return whether two files of results agree.
 
     Parameters
     ----------
     stored, fresh : Path
-        Two tables or texts, two figures (PNG: what they draw, see `figure_digest`, and their pixels), or two files
-        of any other kind, which have to be equal byte by byte.  A missing file agrees with none.
+        Two tables or texts, two figures (PNG, compared by `figure_digest` and by pixels), or two files of any other
+        kind, which must be equal byte by byte.  A missing file does not agree with any file.
     """
     stored, fresh = Path(stored), Path(fresh)
     if not (stored.is_file() and fresh.is_file()):
@@ -91,14 +91,14 @@ def files_agree(stored: Path, fresh: Path) -> bool:
 
 
 def _images_agree(stored, fresh):
-    """Whether two figures draw the same, by the digests that they carry and by their pixels."""
-    from PIL import Image  # matplotlib's own reader, which keeps the text in a file
+    """Whether two figures agree, by the digests stored in them and by their pixels."""
+    from PIL import Image  # Pillow keeps the text stored in a PNG file
 
     try:
         with Image.open(stored) as one, Image.open(fresh) as other:
             digests = [image.info.get("Description", "") for image in (one, other)]
             pixels = [np.asarray(image.convert("RGB"), dtype=float) for image in (one, other)]
-    except OSError:  # one of them is no image, or damaged
+    except OSError:  # one of them is not an image, or is damaged
         return False
     if pixels[0].shape != pixels[1].shape or not texts_agree(*digests):
         return False

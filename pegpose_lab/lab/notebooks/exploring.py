@@ -1,9 +1,9 @@
-"""Opening the notebooks in JupyterLab, so that running and saving them leaves the project's results as they are.
+"""Opens the notebooks in JupyterLab, so that running and saving them does not change the project's results.
 
-What notebooks write goes to a scratch folder, nothing is saved unless one saves, and a saved notebook is stored
-without what belongs to one session (`running.clean_before_save`).  A notebook that was changed is restored from git.
+Notebooks write to a scratch folder, nothing is saved automatically, and a saved notebook is stored without the data
+of its session (`running.clean_before_save`).  A changed notebook can be restored from git.
 
-Like ``__main__.py`` this file has to run on a bare Python: it imports the standard library only.
+Like ``__main__.py``, this file must run on a bare Python, so it imports only the standard library.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ if TYPE_CHECKING:
 
 Named = TypeVar("Named", str, Path)
 SETTINGS = Path(__file__).with_name("lab_settings")
-"""JupyterLab's settings where a user has none of their own: no autosave, no pop-up that asks for news."""
+"""JupyterLab's settings for users without their own: no autosave, no pop-up that asks for news."""
 
 SCRATCH = ("notebooks", "scratch")
-WRITTEN = ("figures", "data/results")  # what notebooks write, below the folder that PEGPOSE_OUTPUT names
+WRITTEN = ("figures", "data/results")  # folders that notebooks write, below PEGPOSE_OUTPUT
 
 
 def scratch_folder(checkout: Path = CHECKOUT) -> Path:
-    """Return a folder for what notebooks write, with fresh copies of the known results and no figures.
+    """Return a folder for the notebooks' output, with fresh copies of the known results and no figures.
 
-    It is ``notebooks/scratch``, which git ignores and which stays until the next start; a folder of the system
-    for temporary files where the checkout cannot be written.
+    It is ``notebooks/scratch``, which git ignores and which is kept until the next start.  If the checkout cannot be
+    written, it is a temporary folder.
     """
     folder = Path(checkout, *SCRATCH)
     try:
@@ -48,9 +48,9 @@ def scratch_folder(checkout: Path = CHECKOUT) -> Path:
 
 
 def fill(folder: Path, known_results: Path | None, known: str = "*") -> None:
-    """Make the two folders below `folder` anew, with copies of the known results, if any, whose names match a pattern.
+    """Make the two folders below `folder` anew, with copies of the known results that match a pattern.
 
-    Anew: what an older version of the notebooks wrote would be read as theirs.
+    Old files are removed, because they would be taken for the notebooks' results.
     """
     for name in WRITTEN:
         shutil.rmtree(folder / name, ignore_errors=True)
@@ -60,7 +60,7 @@ def fill(folder: Path, known_results: Path | None, known: str = "*") -> None:
 
 
 def jupyterlab_arguments(options: argparse.Namespace, checkout: Path = CHECKOUT) -> list[str]:
-    """The command line of JupyterLab, from the options of ``lab``; what stands after ``--`` comes last and wins."""
+    """The command line of JupyterLab from the options of ``lab``; arguments after ``--`` come last, so they win."""
     arguments = [
         f"--ServerApp.root_dir={checkout}",
         "--LabApp.default_url=/lab/tree/notebooks",
@@ -76,24 +76,24 @@ def jupyterlab_arguments(options: argparse.Namespace, checkout: Path = CHECKOUT)
 
 
 def root_refused(options: argparse.Namespace) -> bool:
-    """Return whether JupyterLab would refuse to start, because root runs it and does not say that this is meant."""
+    """Return whether JupyterLab would refuse to start because root runs it without ``--allow-root``."""
     is_root = getattr(os, "geteuid", lambda: 1)() == 0
     return is_root and not options.allow_root and "--allow-root" not in options.extra
 
 
 def restore(patterns: Sequence[str], checkout: Path = CHECKOUT) -> list[str]:
-    """Set notebooks back to git's last commit; return the names of those that had been changed.
+    """Restore notebooks from git's last commit; return the names of those that were changed.
 
     Parameters
     ----------
     patterns : list of str
-        Names, beginnings of names (``03``) or patterns; a deleted notebook is found, too.
+        Names, beginnings of names (``03``) or patterns; they also match a deleted notebook.
     checkout : Path
 
     Raises
     ------
     SystemExit
-        If git is missing, the checkout is none of git's, or no notebook has such a name; nothing is then changed.
+        If git is missing, the checkout is not a git repository, or no notebook has such a name; then nothing changes.
     """
     known = _git(checkout, "ls-tree", "-z", "--name-only", "HEAD", "notebooks/").split("\0")
     paths = set()
@@ -107,7 +107,7 @@ def restore(patterns: Sequence[str], checkout: Path = CHECKOUT) -> list[str]:
 
 
 def choose(notebooks: Sequence[Named], pattern: str) -> list[Named]:
-    """The paths of notebooks whose names begin with a pattern; SystemExit, naming them all, if there is none."""
+    """The paths of notebooks whose names begin with a pattern; SystemExit with all names if there is none."""
     found = [path for path in notebooks if fnmatch.fnmatch(Path(path).stem, Path(pattern).stem + "*")]
     if not found:
         names = ", ".join(Path(path).stem for path in notebooks)
@@ -116,7 +116,7 @@ def choose(notebooks: Sequence[Named], pattern: str) -> list[Named]:
 
 
 def _git(checkout, *arguments):
-    """What a git command prints about the checkout."""
+    """The output of a git command in the checkout."""
     if not shutil.which("git"):
         raise SystemExit(
             "Notebooks are restored from git, and git is not installed: install it, or unpack the project anew."

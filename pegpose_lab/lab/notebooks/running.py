@@ -1,10 +1,9 @@
-"""Running the notebooks outside the tree, and moving what they wrote into place.
+"""Runs the notebooks outside the checkout, and moves the files that they wrote into place.
 
-A notebook writes figures to ``figures/`` and tables to ``data/results/`` below the folder that the
-environment variable ``PEGPOSE_OUTPUT`` names (the checkout where it is unset).  Here that folder is a
-temporary one; its files are moved to their place when every notebook has run to its end, each in one
-step, so that nothing half-written is ever seen there.  A file that says the same as the one in its place
-(`agreement.files_agree`) is not moved: on another processor last digits differ, and nothing else.
+A notebook writes figures to ``figures/`` and tables to ``data/results/`` below the folder in the environment variable
+``PEGPOSE_OUTPUT`` (by default the checkout).  Here that folder is a temporary one.  When every notebook has finished,
+its files are moved into place, each in one step, so that no half-written file is ever seen there.  A file that agrees
+with the present one (`agreement.files_agree`) is not moved, because on another processor only last digits differ.
 """
 
 from __future__ import annotations
@@ -39,13 +38,13 @@ if TYPE_CHECKING:
     from typing import Any
 
 WORKERS = 2
-READS = {"07": "06"}  # numbers of notebooks that read the results of another, and of that
+READS = {"07": "06"}  # number of a notebook that reads another's results: number of that other notebook
 
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
 
 class NotebookError(RuntimeError):
-    """A notebook did not run to its end; the message names it and shows the failing cell."""
+    """A notebook did not finish; the message names it and shows the failing cell."""
 
 
 def reproduce(
@@ -62,23 +61,23 @@ def reproduce(
     Parameters
     ----------
     notebooks : list of Path
-        They run two at a time; one that reads another's results (`READS`) after that.
+        They run two at a time; a notebook that reads another's results (`READS`) runs after that one.
     output : Path
         The folder whose ``figures`` and ``data/results`` are written, after the last notebook.
     known_results : Path, optional
-        Folder of results that are not made by these notebooks, for those that read them.
+        Folder of results that these notebooks do not make but may read.
     known : str
         Pattern of the names of these results.
     cell_timeout : float
-        The time that a single cell may take, in s.
+        Time limit for a single cell, s.
     update : bool
-        Store the outputs in the notebooks too, without what changes from run to run; then all figures and results
-        are moved, for a notebook and the files that it made belong to one run.
+        Also store the outputs in the notebooks, without what changes from run to run.  Then all figures and results
+        are moved, because a notebook and its files must come from the same run.
 
     Raises
     ------
     NotebookError
-        If a notebook fails; `output` and the notebooks are then as they were.
+        If a notebook fails; `output` and the notebooks are then unchanged.
     """
     with scratch_output(known_results, known) as scratch:
         executed = _execute_all(notebooks, scratch, cell_timeout)
@@ -91,14 +90,14 @@ def reproduce(
 
 @contextmanager
 def scratch_output(known_results: Path | None = None, known: str = "*") -> Iterator[Path]:
-    """A temporary folder to be named by ``PEGPOSE_OUTPUT``, holding copies of known results of that pattern."""
+    """A temporary folder for ``PEGPOSE_OUTPUT``, with copies of the known results that match the pattern."""
     with tempfile.TemporaryDirectory(prefix="pegpose_", ignore_cleanup_errors=True) as folder:
         fill(Path(folder), known_results, known)
         yield Path(folder)
 
 
 def output_variables(folder: Path) -> dict[str, str]:
-    """The variables by which notebooks write into a folder, and are free of the settings of a user's IPython."""
+    """The variables that let notebooks write into a folder and ignore the user's IPython settings."""
     return {"PEGPOSE_OUTPUT": str(folder), "IPYTHONDIR": str(folder / "ipython")}
 
 
@@ -106,7 +105,7 @@ def output_variables(folder: Path) -> dict[str, str]:
 
 
 def _execute_all(paths, scratch, cell_timeout):
-    """Execute notebooks, those that are read first and readers last; return them in the order of `paths`."""
+    """Execute notebooks and return them in the order of `paths`; those that read others' results run last."""
     notebooks = {path: nbformat.read(path, as_version=4) for path in paths}
     cells = sum(cell.cell_type == "code" for notebook in notebooks.values() for cell in notebook.cells)
     with tqdm(total=cells, unit="cell", desc="notebooks", disable=None) as bar:
@@ -116,19 +115,19 @@ def _execute_all(paths, scratch, cell_timeout):
 
 
 def _turn(path):
-    """0 for notebooks whose results are read, 2 for those that read, 1 for all others."""
+    """0 for notebooks whose results others read, 2 for those that read them, 1 for all others."""
     return 0 if path.name[:2] in READS.values() else 2 if path.name[:2] in READS else 1
 
 
 class _OwnPython(KernelSpecManager):
-    """Kernels of this very Python, whatever kernels are registered elsewhere under its name."""
+    """Kernels of the running Python, even if other kernels are registered under its name."""
 
     def get_kernel_spec(self, kernel_name):
         return self.kernel_spec_class(resource_dir=RESOURCES, **get_kernel_dict())
 
 
 class _Crew:
-    """Executes notebooks in threads, a kernel each; the first failure ends them all."""
+    """Executes notebooks in threads, with one kernel each; the first failure ends all of them."""
 
     def __init__(self, scratch, cell_timeout, bar):
         self.scratch = scratch
@@ -152,7 +151,7 @@ class _Crew:
                 raise
 
     def _execute(self, path, notebook, source=None):
-        """Execute one notebook, after `source`; raise NotebookError with all there is to say if it fails."""
+        """Execute one notebook after `source` has finished; NotebookError if it fails."""
         if source is not None:
             source.result()
         manager = AsyncKernelManager(kernel_spec_manager=_OwnPython())
@@ -181,7 +180,7 @@ class _Crew:
         self.bar.write(f"{path.name:<32}{time.monotonic() - start:6.1f} s")
 
     def _environment(self):
-        """The kernels' variables: where to write, and no settings of the user's IPython."""
+        """The kernels' environment variables: the output folder, and no settings of the user's IPython."""
         return os.environ | output_variables(self.scratch)
 
     def _check(self, **_):
@@ -192,7 +191,7 @@ class _Crew:
         self.bar.update()
 
     def _stop(self):
-        """End every kernel at once; their threads end when they notice."""
+        """End every kernel at once; the threads end when they notice it."""
         self.stopped.set()
         for manager in self.managers:
             process = getattr(manager.provisioner, "process", None)
@@ -205,12 +204,12 @@ class _Crew:
 
 
 def changed_files(scratch: Path, output: Path) -> list[Path]:
-    """Return the results and figures below `scratch` that say something else than those below `output`.
+    """Return the results and figures below `scratch` that differ from those below `output`.
 
     Returns
     -------
     list of Path
-        Relative to both folders, in order.  A PDF goes with the PNG of its name.
+        Relative to both folders, in order.  A PDF counts as changed if the PNG of the same name has changed.
     """
     files = [path.relative_to(scratch) for path in _files(scratch)]
     compared = {path: path.with_suffix(".png") if path.suffix == ".pdf" else path for path in files}
@@ -224,7 +223,7 @@ def _files(folder):
 
 
 def _publish(scratch, output, *, all_files=False):
-    """Copy the files that changed beside their place, then move them all there: each is whole at any time."""
+    """Copy the changed files next to their destinations, then move all of them, so that none is ever incomplete."""
     chosen = [path.relative_to(scratch) for path in _files(scratch)] if all_files else changed_files(scratch, output)
     with ExitStack() as moves:
         for name in chosen:
@@ -233,9 +232,9 @@ def _publish(scratch, output, *, all_files=False):
 
 
 def to_text(notebook: nbformat.NotebookNode) -> str:
-    """A notebook's file, without what differs from run to run or machine to machine.
+    """The text of a notebook's file, without what differs between runs or machines.
 
-    Taken away are time stamps, versions and the models of widgets; a widget is stored as its text.
+    Time stamps, versions and the models of widgets are removed; a widget is stored as its text.
     """
     notebook = deepcopy(notebook)
     notebook.metadata = {
@@ -249,23 +248,23 @@ def to_text(notebook: nbformat.NotebookNode) -> str:
 
 
 def _drop_widgets(notebook):
-    """Take away, in place, what a widget can be shown from only while its kernel lives."""
+    """Remove, in place, the data of widgets that are of use only while the kernel runs."""
     notebook.metadata.pop("widgets", None)
     for output in (output for cell in notebook.cells for output in cell.get("outputs", [])):
         output.get("data", {}).pop("application/vnd.jupyter.widget-view+json", None)
 
 
 def clean_before_save(model: dict[str, Any], path: str, **_: Any) -> None:
-    """A ``pre_save_hook`` of Jupyter's contents manager: the project's notebooks are stored as `to_text` has them.
+    """A ``pre_save_hook`` of Jupyter's contents manager, which stores the project's notebooks as `to_text` does.
 
-    Notebooks of anybody else keep their own kernel and metadata, and lose only the models of widgets.
+    Other notebooks keep their kernel and metadata and lose only the models of widgets.
 
     Parameters
     ----------
     model : dict
-        What is about to be saved; changed in place.
+        The file to be saved; changed in place.
     path : str
-        Where, below the server's root folder.
+        Its path below the server's root folder.
     """
     if model.get("type") != "notebook" or not model.get("content"):
         return

@@ -1,7 +1,7 @@
-"""nbval with numbers: a pytest plugin that compares the outputs of notebooks as `agreement.texts_agree` does.
+"""A pytest plugin that lets nbval compare the outputs of notebooks with `agreement.texts_agree`.
 
-pyproject.toml loads it (``-p pegpose_lab.lab.notebooks.testing``), so that plain ``pytest --nbval`` compares like the
-command ``test``.  Nothing else of nbval changes: every output has to be there, in its order, of its kind.
+pyproject.toml loads it (``-p pegpose_lab.lab.notebooks.testing``), so plain ``pytest --nbval`` compares like the
+command ``test``.  The rest of nbval is unchanged: every output must exist, in the same order and of the same kind.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from .agreement import texts_agree
 
 
 class PrintedText(str):
-    """An output's text; two are equal if they say the same."""
+    """An output's text; two texts are equal if they agree (see `texts_agree`)."""
 
     __slots__ = ()
     __hash__ = None  # equality is not transitive
@@ -25,13 +25,13 @@ class PrintedText(str):
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the mark known that `processors` asks for."""
+    """Register the marker that `processors` uses."""
     config.addinivalue_line("markers", "digits: compares computed digits with stored ones; run on emulated processors")
 
 
-@pytest.hookimpl(tryfirst=True)  # before -m chooses by the marks
+@pytest.hookimpl(tryfirst=True)  # before -m selects tests by markers
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let nbval read the outputs of every notebook cell as `PrintedText`; all cells are tests of digits."""
+    """Let nbval read the outputs of every notebook cell as `PrintedText`, and mark all cells as tests of digits."""
     for item in items:
         if hasattr(item, "sanitize") and hasattr(item, "compare_outputs"):
             item.sanitize = _as_printed(item.sanitize)
@@ -39,7 +39,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _as_printed(sanitize):
-    """nbval's own step before it compares a text, followed by ours."""
+    """nbval's own step before a comparison, followed by ours."""
 
     def sanitized(text):
         text = sanitize(text)

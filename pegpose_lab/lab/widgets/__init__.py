@@ -1,10 +1,11 @@
-"""Sliders for JupyterLab: change a setting of a step and see at once what it does.
+"""Sliders for JupyterLab: change a setting of a step and see its effect at once.
 
-Each ``*_explorer`` returns an `Explorer`: sliders above a picture with a line or two of text under it.  An
-observer computes the step anew and sets the picture widget's bytes; no figure is built.  `show` displays an
-explorer together with its first picture and text, which stay readable where no kernel runs.  What a
-step refuses (a `DetectionError`, a `ValueError`, a `CalibrationError`) is written under the picture.
- A slider is one function here, in a file of its step.
+Each ``*_explorer`` returns an `Explorer`: sliders above an image with one or two lines of text below it.  When a
+slider moves, the step is computed again and the bytes of the image widget are replaced; no figure is built.  `show`
+displays an explorer with its first image and text, which can be read without a kernel.  If a step raises a
+`DetectionError`, `ValueError` or `CalibrationError`, its message is shown below the image.
+
+A new slider is one function in a file for its step.
 """
 
 from .circles import circle_explorer

@@ -1,4 +1,4 @@
-"""The explorer of the Hough transforms."""
+"""The explorer for the Hough transforms."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 def circle_explorer(
     image: ArrayLike, *, radius_range: tuple[int, int] = (20, 60), polarity: str = "bright"
 ) -> Explorer:
-    """Controls for `find_circles` (Sect. 3.1): radius range, sensitivity, method; the circles over the picture.
+    """Controls for `find_circles` (Sect. 3.1): radius range, sensitivity, method; it draws the circles in the image.
 
-    The picture is searched as it is shown, `SHOWN_WIDTH` px wide, and for bright discs only round the parts
-    that `segment` finds, where it finds any.  All radii are in px of `image`.
+    The search uses the shown image, which is `SHOWN_WIDTH` px wide.  For bright discs it is limited to the parts that
+    `segment` finds, if there are any.  All radii are in px of `image`.
 
     Parameters
     ----------
     image : (height, width) uint8
     radius_range : (int, int)
-        Where the radius slider stands first, px.
+        Initial value of the radius slider, px.
     polarity : {"bright", "dark"}
 
     Returns
@@ -81,7 +81,7 @@ def circle_explorer(
 
 
 def _regions(image):
-    """Boxes of the picture's bright parts, or None where there are none."""
+    """Boxes of the image's bright parts, or None if there are none."""
     try:
         boxes = segment(image).boxes
     except DetectionError:

@@ -1,4 +1,4 @@
-"""Drawing into a picture at the size in which it is shown."""
+"""Drawing into an image at the size in which it is shown."""
 
 import cv2
 import numpy as np
@@ -6,18 +6,18 @@ from matplotlib.colors import to_rgb
 
 from .explorer import FONT, SHOWN_WIDTH
 
-# ---- pictures; (x, y) px of the full image lies at scale * (x + 0.5) - 0.5 in the shown one ----
+# ---- x px in the full image is scale * (x + 0.5) - 0.5 px in the shown one; the same holds for y ----
 
 
 def _bgr(color):
-    """A colour of `COLORS` as OpenCV orders it."""
+    """A colour of `COLORS` in OpenCV's order (blue, green, red)."""
     return tuple(round(255 * part) for part in reversed(to_rgb(color)))
 
 
 def _canvas(image):
-    """A picture `SHOWN_WIDTH` px wide, in colour, and its scale.
+    """A colour image `SHOWN_WIDTH` px wide, and its scale.
 
-    Grey values are rounded to multiples of 8: noise would make the PNG files several times larger.
+    Grey values are rounded to multiples of 8, because noise would make the PNG files several times larger.
     """
     scale = SHOWN_WIDTH / image.shape[1]
     return cv2.cvtColor(cv2.add(_resized(image, scale), 4) & 0xF8, cv2.COLOR_GRAY2BGR), scale
@@ -29,13 +29,13 @@ def _resized(image, scale):
 
 
 def _place(point, scale, bits=4):
-    """Position in the shown picture, in units of 1/16 px as cv2's drawing functions take it."""
+    """Position in the shown image, in units of 1/16 px as for cv2's drawing functions."""
     x, y = np.rint((scale * (np.asarray(point) + 0.5) - 0.5) * (1 << bits)).astype(int).tolist()
     return x, y
 
 
 def _circle(picture, center, radius, scale, color, label=None):
-    """A circle with its centre and, if given, a label beside it."""
+    """Draw a circle with its centre and, if given, a label next to it."""
     place = _place(center, scale)
     cv2.circle(picture, place, round(16 * scale * radius), _bgr(color), 2, cv2.LINE_AA, 4)
     cv2.circle(picture, place, 16 * 2, _bgr(color), -1, cv2.LINE_AA, 4)

@@ -1,4 +1,4 @@
-"""Controls over a picture that follows them."""
+"""Controls above an image that is updated when they change."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from ...checks import CalibrationError, DetectionError
 if TYPE_CHECKING:
     from typing import Any
 
-SHOWN_WIDTH = 800  # px, of every picture
+SHOWN_WIDTH = 800  # px, width of every image
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 class Explorer(ipywidgets.VBox):
-    """Controls over a picture that follows them.
+    """Controls above an image that is updated when they change.
 
     Parameters
     ----------
     name : str
     backdrop : callable
-        Takes the controls' values by name; returns the (height, width, 3) uint8 picture, in OpenCV's order of
-        colours, on which results are drawn.
+        Takes the controls' values by name; returns the background of the results, a (height, width, 3) uint8 image
+        in OpenCV's order of colours.
     draw : callable
-        Takes that picture and the values, draws the results into it and returns a text.  It may raise
-        ValueError, DetectionError or CalibrationError: then the dimmed backdrop is shown with the error's text.
+        Takes that image and the values, draws the results into it and returns a text.  If it raises ValueError,
+        DetectionError or CalibrationError, the dimmed backdrop is shown with the error's text.
     controls : dict
-        Name -> widget with a ``value``.
+        Widgets with a ``value``, by name.
 
     Attributes
     ----------
     controls : dict
     picture : ipywidgets.Image
-        Its ``value`` are the bytes of a PNG file.
+        Its ``value`` is the content of a PNG file.
     caption : ipywidgets.HTML
-        `text`, under the picture.
+        `text`, below the image.
     text : str
     failed : bool
-        Whether `text` is an error's.
+        Whether `text` is the message of an error.
     """
 
     def __init__(self, name, backdrop, draw, controls):
@@ -54,7 +54,7 @@ class Explorer(ipywidgets.VBox):
         super().__init__([*controls.values(), self.picture, self.caption])
 
     def refresh(self, _change: Any = None) -> None:
-        """Compute the picture from the controls' present values."""
+        """Compute the image from the controls' present values."""
         values = {name: control.value for name, control in self.controls.items()}
         picture = self._backdrop(**values).copy()
         try:
@@ -66,15 +66,15 @@ class Explorer(ipywidgets.VBox):
         self.caption.value = f'<pre style="white-space: pre-wrap">{html.escape(self.text)}</pre>'
 
     def __repr__(self):
-        """Short and the same in every run: a notebook stores it beside the widget."""
+        """A short text that is the same in every run, because a notebook stores it with the widget."""
         settings = ", ".join(f"{name} {control.value}" for name, control in self.controls.items())
         return f"{self.name}: {settings}"
 
 
 def show(explorer: Explorer) -> None:
-    """Display an explorer, then its present picture as a PNG, and print its text.
+    """Display an explorer, then its present image as a PNG, and print its text.
 
-    The picture and the text are stored in the notebook, so that they can be read without a kernel.
+    The image and the text are stored in the notebook, so that they can be read without a kernel.
     """
     display(explorer)
     display(Image(data=bytes(explorer.picture.value), format="png", width=SHOWN_WIDTH))
@@ -89,12 +89,12 @@ def _look():
 
 
 def _slider(kind, description, value, low, high, *, step=1, live=True):
-    """A slider; `live` ones follow the mouse, the others wait until it is released."""
+    """A slider; a `live` one updates while the mouse moves, others when it is released."""
     limits = {"min": low, "max": high, "step": step}
     return kind(value=value, description=description, continuous_update=live, **limits, **_look())
 
 
-# ---- pictures; (x, y) px of the full image lies at scale * (x + 0.5) - 0.5 in the shown one ----
+# ---- images ----
 
 
 def _as_png(picture):

@@ -1,4 +1,4 @@
-"""The explorer of the genetic algorithm: its population on the valley of its objective."""
+"""The explorer for the genetic algorithm: its population on a map of the objective."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def genetic_explorer(
     search: Callable[..., NDArray[np.float64]] | None = None,
     generations: int = 100,
 ) -> Explorer:
-    """Sliders for the genetic algorithm (Eqs. 4-10): its population on the valley of the objective in (f, T_z).
+    """Sliders for the genetic algorithm (Eqs. 4-10): its population on a map of the objective over (f, T_z).
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def genetic_explorer(
         ``search(population_size=, alpha=, generations=, rng=)`` returns every generation's chromosomes
         (generations + 1, population_size, 2); by default `minimize_genetic` over `bounds`.
     generations : int
-        How many are run.
+        Number of generations.
 
     Returns
     -------
@@ -88,7 +88,7 @@ def genetic_explorer(
 
 
 class _Valley:
-    """The objective over its box as a picture with axes, drawn once."""
+    """The objective over its box as an image with axes, which is drawn once."""
 
     def __init__(self, objective, bounds):
         self.f, self.t_z = np.asarray(bounds, float)
@@ -98,10 +98,10 @@ class _Valley:
         self.ax.imshow(self._heights(objective), extent=(*self.f, *self.t_z), origin="lower", **look)
         fig.canvas.draw()
         self.background = np.ascontiguousarray(np.asarray(fig.canvas.buffer_rgba())[:, :, 2::-1])
-        plotting.plt.close(fig)  # or a notebook would show it below the explorer
+        plotting.plt.close(fig)  # otherwise a notebook would show it below the explorer
 
     def _heights(self, objective, columns=175, rows=105):
-        """log10 of the objective on a grid; masked where a point of the view has no image."""
+        """log10 of the objective on a grid, masked where a point of the view has no image."""
         f, t_z = np.meshgrid(np.linspace(*self.f, columns), np.linspace(*self.t_z, rows))
         values = objective(np.column_stack([f.ravel(), t_z.ravel()])).reshape(f.shape)
         return np.ma.masked_array(np.log10(np.maximum(values, 1e-12)), values >= PENALTY)
@@ -112,7 +112,7 @@ class _Valley:
         return np.array([x, HEIGHT - y]) - 0.5
 
     def draw(self, picture, chromosomes, best):
-        """A population as dots, the best one ringed."""
+        """Draw a population as dots, with a ring around the best one."""
         for index, chromosome in enumerate(chromosomes):
             place = np.rint(16 * self.place(chromosome)).astype(int).tolist()
             cv2.circle(picture, place, 16 * 3, _bgr(COLORS["genetic"]), -1, cv2.LINE_AA, 4)

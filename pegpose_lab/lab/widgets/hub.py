@@ -1,4 +1,4 @@
-"""The explorer of the hub's pose."""
+"""The explorer for the hub's pose."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ...camera import OpenCVCamera, TsaiCamera
     from ...targets import Hub
 
-RENDERED_WIDTH = 400  # px, of the hub's picture before it is enlarged
+RENDERED_WIDTH = 400  # px, width of the hub's image before it is enlarged
 
 
 def hub_explorer(
@@ -34,11 +34,11 @@ def hub_explorer(
     blur: float = 0.9,
     noise: float = 2.0,
 ) -> Explorer:
-    """Sliders for the hub's angle and shift (Sect. 3.2): renders it, locates the pegs and estimates the pose.
+    """Sliders for the hub's angle and shift (Sect. 3.2): renders the hub, locates the pegs and estimates the pose.
 
-    The picture is rendered `RENDERED_WIDTH` px wide, for speed.  Labels are carried over from the picture before,
-    as from frame to frame, because the two screws leave a half turn open: at the first angle screw 1 is the one
-    further left, and a jump by too large an angle is refused.
+    The image is rendered `RENDERED_WIDTH` px wide, for speed.  The two screws leave an ambiguity of half a turn, so
+    labels are carried over from the previous image, as between frames.  In the first image, screw 1 is the left one.
+    A jump by too large an angle is refused.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ def hub_explorer(
     cam_from_plane : RigidTransform
         The plane of the peg tops.
     angle, shift : float
-        Where the sliders stand first, deg and mm.
+        Initial values of the sliders, deg and mm.
     blur, noise : float
-        px and grey values, of the picture as it is rendered.
+        px and grey values, of the rendered image.
 
     Returns
     -------
@@ -90,12 +90,12 @@ def hub_explorer(
 
 
 def _smaller(camera, width):
-    """The same camera with pixels so large that its picture is at most `width` px wide."""
+    """The same camera with pixels so large that its image is at most `width` px wide."""
     return camera.scaled(min(1.0, width / camera.image_size[0]))
 
 
 def _paint_pegs(picture, scale, seen):
-    """Labelled pegs, screws, and line 1 of Fig. 5 from the hub's centre to peg 1."""
+    """Draw labelled pegs and screws, and line 1 of Fig. 5 from the hub's centre to peg 1."""
     ends = (_place(point, scale) for point in (seen.hub_center, seen.peg_centers[0]))
     cv2.line(picture, *ends, _bgr(COLORS["genetic"]), 2, cv2.LINE_AA, 4)
     for number, (center, radius) in enumerate(zip(seen.peg_centers, seen.peg_radii, strict=False), 1):
@@ -105,7 +105,7 @@ def _paint_pegs(picture, scale, seen):
 
 
 def _compare_poses(angle, shift, pose):
-    """Truth and estimate; says so where the labels are a half turn off, as the screws allow."""
+    """Text with truth and estimate, and a remark if the labels are wrong by half a turn, as the screws allow."""
     found = np.rad2deg(pose.theta)
     error = (found - angle + 180) % 360 - 180
     half_turn_off = abs(error) > 90

@@ -1,4 +1,4 @@
-"""The explorer of the segmentation."""
+"""The explorer for the segmentation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def threshold_explorer(image: ArrayLike) -> Explorer:
-    """Sliders for `segment` (Sect. 3.1): threshold and minimum area; the parts in colour over the picture.
+    """Sliders for `segment` (Sect. 3.1): threshold and minimum area; it colours the parts in the image.
 
     Parameters
     ----------
