@@ -197,8 +197,8 @@ def judge_image_size(
     views = [str(view) for view, points in enumerate(image_points) if outside(points, camera.image_size).any()]
     if views:
         text = (
-            f"Points of view{'s' * (len(views) > 1)} {', '.join(views)} (counted from 0) lie outside of the image of "
-            f"{width} x {height} px: is image_size (width, height) right?"
+            f"Points of view{'s' * (len(views) > 1)} {', '.join(views)} (counted from 0) lie outside the image of "
+            f"{width} x {height} px: is image_size (width, height) correct?"
         )
         return (Flag("points-outside", text),)
     center = camera.principal_point

@@ -105,7 +105,7 @@ def minimise(model: LensModel, views: Views, state: State, weights: NDArray[np.f
     if not settled:
         _, directions, poses = equations.directions()
         raise CalibrationError(
-            f"the least squares found no minimum in {MAX_STEPS} steps, for the views hardly determine all of "
+            f"the least squares found no minimum in {MAX_STEPS} steps, because the views hardly determine all of "
             f"{', '.join(model.names)}: {in_words(model.names, directions[0], poses[:, :, 0])}; add views of other "
             "tilts (about 30 deg), or free fewer parameters"
         )

@@ -45,15 +45,15 @@ def _judge(fit, object_points):
         _demand_ends(fit)
         if share > FLAGGED_SHARE:
             text = (
-                f"The noise makes {100 * share:.0f} % of what the views seem to know of f: its sigma is too small; "
+                f"{100 * share:.0f} % of the views' information about f comes from noise, so its sigma is too small; "
                 "tilt the board by about 30 deg."
             )
             flags += (Flag("noisy-focal-length", text),)
     if largest < SMALL_TILT:
         sigma = np.sqrt(fit.covariance.loc[name, name])
         text = (
-            f"The boards are tilted by {largest:.1f} deg at most, and f ({value:.5g} +- {sigma:.2g} {unit}) rests on "
-            "that: it trades off with T_z; tilt them by about 30 deg."
+            f"The boards are tilted by {largest:.1f} deg at most, so f ({value:.5g} +- {sigma:.2g} {unit}) trades off "
+            "with T_z; tilt them by about 30 deg."
         )
         flags += (Flag("little-tilt", text),)
     return flags
@@ -90,9 +90,9 @@ def _demand_signal(fit):
     share = _noise_share(fit)
     if share > REFUSED_SHARE:
         raise CalibrationError(
-            f"f is not determined: {100 * min(share, 1):.0f} % of what the views seem to know of it is the points' "
-            "noise, as with planes seen from nearly straight ahead or tilted about one axis; f and T_z trade off; tilt "
-            "the board by about 30 deg in several directions"
+            f"f is not determined: {100 * min(share, 1):.0f} % of the views' information about it comes from noise, as "
+            "with planes seen from nearly straight ahead or tilted about one axis; f and T_z trade off; tilt the board "
+            "by about 30 deg in several directions"
         )
     return share
 

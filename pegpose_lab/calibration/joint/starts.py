@@ -46,7 +46,7 @@ def demand_views(
             (left, top), (right, bottom) = points.min(axis=0), points.max(axis=0)
             raise ValueError(
                 f"image_points{f'[{view}]' * (len(image_points) > 1)} reach from ({left:.1f}, {top:.1f}) to "
-                f"({right:.1f}, {bottom:.1f}) px, all outside of the image of width {image_size[0]} and height "
+                f"({right:.1f}, {bottom:.1f}) px, all outside the image of width {image_size[0]} and height "
                 f"{image_size[1]} px; check image_size, and that image_points are of this camera"
             )
     demand_order(object_points, image_points)

@@ -26,7 +26,7 @@ def _solve_ratios(points, sensor_points):
     if rank < design.shape[1]:
         raise CalibrationError(
             f"the radial alignment equations have rank {rank} of {design.shape[1]}: the points do not determine "
-            "the pose (too many of them on a line or a conic); use points spread over the picture"
+            "the pose (too many of them on a line or a conic); use points spread over the image"
         )
     return solution / scale
 

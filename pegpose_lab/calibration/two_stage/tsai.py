@@ -241,7 +241,7 @@ def _demand_view(points, rotation, translation, focal_length):
     if not (focal_length > 0 and nearest > 0):
         raise CalibrationError(
             f"the linear solution has f = {focal_length:.4g} mm and its nearest point at depth {nearest:.4g} mm, "
-            "which no camera has; check the points' order and that their axes are right-handed, and tilt more"
+            "which is impossible; check the order of the points and that their axes are right-handed, and tilt more"
         )
 
 
@@ -251,7 +251,7 @@ def _judge(focal_length, sigma, tilt):
     kind = "95 % interval of f, by noise alone:"
     interval, loose = judge_interval(focal_length, CONFIDENCE * sigma, f"{kind} {{}} mm", refusal)
     if tilt is not None and tilt < SMALL_TILT:
-        text = f"The plane is tilted by {tilt:.1f} deg only, so f and T_z trade off ({interval}); tilt it more."
+        text = f"The plane is tilted by only {tilt:.1f} deg, so f and T_z trade off ({interval}); tilt it more."
         return (Flag("little-tilt", text),)
     if loose:
         text = f"The view hardly determines f ({interval}); tilt the board more or use more points."

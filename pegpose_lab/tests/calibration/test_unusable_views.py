@@ -131,12 +131,12 @@ def test_the_view_in_another_order_is_named():
 
 def test_a_wrong_image_size_is_told():
     boards, images = five_views(0.1)
-    with pytest.raises(ValueError, match=r"image_points\[0\] reach from .* all outside of the image of width 100"):
+    with pytest.raises(ValueError, match=r"image_points\[0\] reach from .* all outside the image of width 100"):
         calibrate_zhang(boards, images, (100, 80))
     assert "size-swapped" in [flag.code for flag in calibrate_zhang(boards, images, CAMERA.image_size[::-1]).flags]
     cut = calibrate_joint(boards, images, replace(CAMERA, image_size=(1000, 760))).flags
     (outside,) = (flag for flag in cut if flag.code == "points-outside")
-    assert "lie outside of the image of 1000 x 760 px" in outside
+    assert "lie outside the image of 1000 x 760 px" in outside
     assert calibrate_zhang(boards, images, CAMERA.image_size).flags == ()
     assert calibrate_joint(boards, images, replace(CAMERA, image_size=(1, 1))).flags[1:] == ()
 

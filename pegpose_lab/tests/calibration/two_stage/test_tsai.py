@@ -169,7 +169,7 @@ def test_a_fronto_parallel_plane_is_refused(noise):
 def test_a_small_tilt_is_flagged_with_an_interval_and_a_large_one_is_not():
     small = solve_coplanar(BOARD, sensor(PIN_HOLE, BOARD, tilted(6), 0.05))
     assert [flag.code for flag in small.flags] == ["little-tilt"]
-    assert "tilted by 5.9 deg only" in small.flags[0] and "interval" in small.flags[0]
+    assert "tilted by only 5.9 deg" in small.flags[0] and "interval" in small.flags[0]
     assert solve_coplanar(BOARD, sensor(PIN_HOLE, BOARD, tilted(12), 0.05)).flags == ()
 
 
