@@ -65,7 +65,7 @@ def _modules():
 
 @contextmanager
 def changed(name: str, value: float) -> Iterator[None]:
-    """Give a constant another value in every file of the disc fit that uses it.
+    """Temporarily change a constant in every file of the disc fit that uses it.
 
     Raises
     ------

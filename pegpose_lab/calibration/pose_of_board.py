@@ -150,7 +150,7 @@ def _mirrored(state, plane):
     normal = state.rotations[0] @ plane[2]
     cross = np.cross(normal, sight)
     sine = np.linalg.norm(cross)
-    angle = 2 * np.arctan2(sine, normal @ sight)  # the mirrored normal lies as far beyond the line of sight
+    angle = 2 * np.arctan2(sine, normal @ sight)  # the mirrored normal is equally far on the other side
     turn = Rotation.from_rotvec(cross * (angle / sine if sine > 0 else 0.0))
     return State(state.shared, turn.as_matrix() @ state.rotations, state.positions)
 

@@ -63,7 +63,8 @@ def _parser(checkout):
         nargs="*",
         metavar="NAME",
         help="run the notebooks and the tests of digits as on other processors (emulated), with two threads and under "
-        "the other Pythons that are found, instead of all tests here; NAME runs these machines only",
+        "the other Pythons that are found, instead of all tests here; with NAMEs, such as Nehalem or 'Python 3.12', "
+        "on these machines only",
     )
 
     bench = commands.add_parser(

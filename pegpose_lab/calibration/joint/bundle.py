@@ -71,10 +71,10 @@ class Equations:
         return cls(*blocks, gradient[:, :k].sum(axis=0), gradient[:, k:], float(np.sum(residuals**2)))
 
     def eliminated(self, damping: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """S (k, k), and C^-1 B^T (V, 6, k) and C^-1 times the poses' gradient (V, 6, 1)."""
+        """S (k, k), C^-1 B^T (V, 6, k), and C^-1 times the gradient by the poses (V, 6, 1)."""
         k = len(self.a)
         c = self.c.copy()
-        np.einsum("vii->vi", c)[:] *= 1 + damping  # a view of the diagonals
+        np.einsum("vii->vi", c)[:] *= 1 + damping  # einsum returns a writable view of the diagonals
         solved = np.linalg.solve(c, np.concatenate([self.b.transpose(0, 2, 1), self.pose_gradient[:, :, None]], axis=2))
         schur = self.a - (self.b @ solved[:, :, :k]).sum(axis=0)
         np.einsum("ii->i", schur)[:] += damping * np.diagonal(self.a)

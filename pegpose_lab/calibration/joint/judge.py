@@ -24,7 +24,7 @@ LEAST_RISE = 25.0
 """The sum of squares must grow by this many variances when f is multiplied by one of `OTHER_FACTORS`."""
 
 OTHER_FACTORS = (1 / 2, 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32, 1 / 64)
-"""Most are below 1: noise on little tilt makes f too large, up to a hundred times."""
+"""Most are below 1, because noise on a small tilt makes f too large, by a factor of up to a hundred."""
 
 
 def _with_focal_length(fit, focal_length, near):
@@ -35,7 +35,7 @@ def _with_focal_length(fit, focal_length, near):
 
 
 def _judge(fit, object_points):
-    """Flags; `CalibrationError` if f is not determined."""
+    """Flags of a fit; `CalibrationError` if f is not determined."""
     largest = _demand_tilt(fit, object_points)
     value, name, unit = fit.state.shared[0], fit.model.names[0], fit.model.unit
     flags = judge_focal_length(fit.covariance, name, value, unit, fit.freedom)

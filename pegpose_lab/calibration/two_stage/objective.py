@@ -117,7 +117,7 @@ class TwoStageObjective:
         return both
 
     def __call__(self, chromosomes):
-        """Eq. 7, px, of chromosomes (m, 2); `PENALTY` where a point lies behind the camera or has no image."""
+        """Eq. 7, px, of chromosomes (m, 2); `PENALTY` if a point lies behind the camera or has no image."""
         residual_x, residual_y, valid = self._residuals(chromosomes)
         distances = np.sqrt(residual_x**2 + residual_y**2)
         return np.where(valid, np.minimum(distances.mean(axis=-1), PENALTY), PENALTY)

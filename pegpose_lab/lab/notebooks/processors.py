@@ -28,7 +28,7 @@ PYTHONS = ("3.11", "3.12", "3.13")
 """Versions of Python that the project supports."""
 
 OTHER = "Nehalem"
-"""The machine for a quick check: vector units of 2008 in all three libraries, older than in any machine in use."""
+"""The machine for a quick check: all three libraries use the vector units of 2008, unlike any machine in use now."""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-HEIGHT = 480  # px, of the picture
+HEIGHT = 480  # px, height of the image
 DPI = plotting.STYLE["figure.dpi"]
 
 
