@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 RIM_POINTS = 32
 """On a disc's rim: sums over a smooth closed curve converge exponentially, and this many reach rounding errors."""
 
-SETTLED = 1e-10
-"""mm: after a step of `back_project_discs` that is no larger, no further step is needed."""
+SETTLED = 1e-5
+"""mm: after a step of `back_project_discs` that is no larger, no further step is needed: it would be below 1e-10 mm, since
+the error of Newton's method is squared by each."""
 
 _ANGLES = 2 * np.pi * np.arange(RIM_POINTS) / RIM_POINTS
 _RIM = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
@@ -79,9 +80,21 @@ def project_discs(
     """
     centers = as_points(centers, 3, "centers")
     radii = _as_radii(radii, len(centers), "radii")
-    pose = as_pose(cam_from_object, "cam_from_object")
-    images = DiscImages.of(camera, pose.rotation.as_matrix(), pose.translation, centers, radii)
+    images = DiscImages.of(camera, pose_of(as_pose(cam_from_object, "cam_from_object")), centers, radii)
     return images.centers, images.radii
+
+
+class Pose(NamedTuple):
+    """cam_from_object as a rotation matrix (3, 3) and a translation (3,), mm."""
+
+    rotation: NDArray[np.float64]
+    translation: NDArray[np.float64]
+
+
+def pose_of(cam_from_object: RigidTransform) -> Pose:
+    """The same as `Pose`."""
+    matrix = cam_from_object.as_matrix()
+    return Pose(matrix[:3, :3], matrix[:3, 3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,65 +112,68 @@ class DiscImages:
         Centres of area, px.
     areas : (n,) ndarray
         Signed areas over 2 pi, px^2.
+    points, slopes : (n, 2) and (n, 2, 2) ndarray
+        Images of the discs' centres, px, and their derivatives by the undistorted directions.
     offsets : (n, m, 2) ndarray
         Points of the outlines from the centres of area, px.
-    normals : (n, m, 2) ndarray
-        (dy, -dx) along the outlines, px.
-    slopes : (n, m, 2, 2) ndarray
-        Derivative of the outlines' points by the undistorted directions, px.
+    pulls : (n, m, 3) ndarray
+        Of the outlines' points: what dx dy - dy dx is of a shift in the scene, by that in the camera frame, mm.
     arms : (n, m, 3) ndarray
         Points of the rims from the object's origin, mm in axes of the camera.
-    points : (n, m, 3) ndarray
-        The same in the camera frame.
+    rotation : (3, 3) ndarray
+        Of the object.
     """
 
     centers: np.ndarray
     areas: np.ndarray
-    offsets: np.ndarray
-    normals: np.ndarray
-    slopes: np.ndarray
-    arms: np.ndarray
     points: np.ndarray
+    slopes: np.ndarray
+    offsets: np.ndarray
+    pulls: np.ndarray
+    arms: np.ndarray
+    rotation: np.ndarray
 
     @classmethod
-    def of(cls, camera, rotation, translation, centers, radii) -> DiscImages:
+    def of(
+        cls,
+        camera: TsaiCamera | OpenCVCamera,
+        pose: Pose,
+        centers: NDArray[np.float64],
+        radii: NDArray[np.float64],
+    ) -> DiscImages:
         """Discs with checked centres (n, 3) and radii (n,), mm; ValueError if a part of a disc has no image."""
-        n = len(centers)
-        rims = radii[:, None, None] * (_RIM @ rotation[:, :2].T)
-        arms = (centers @ rotation.T)[:, None] + rims
-        points = arms + translation
-        outlines, slopes = camera.image_and_derivative(camera.directions(points.reshape(-1, 3)))
-        outlines = outlines.reshape(n, RIM_POINTS, 2)
-        middle = outlines.mean(axis=1)
-        outlines = outlines - middle[:, None]
-        along = _DERIVATIVE @ outlines
-        normals = np.stack([along[..., 1], -along[..., 0]], axis=2)
-        areas = np.mean(np.sum(outlines * normals, axis=2), axis=1) / 2
-        moments = np.mean(outlines**2 * normals, axis=1) / 2
-        shift = moments / areas[:, None]
-        slopes = slopes.reshape(n, RIM_POINTS, 2, 2)
-        return cls(middle + shift, areas, outlines - shift[:, None], normals, slopes, arms, points)
+        n, rotation = len(centers), pose.rotation
+        arms = np.empty((n, RIM_POINTS + 1, 3))  # the rim, and the disc's own centre
+        arms[:, RIM_POINTS] = centers @ rotation.T
+        arms[:, :RIM_POINTS] = arms[:, RIM_POINTS:] + radii[:, None, None] * (_RIM @ rotation[:, :2].T)
+        seen = arms + pose.translation
+        directions = camera.directions(seen.reshape(-1, 3))
+        outlines, slopes = camera.image_and_derivative(directions)
+        outlines, slopes = outlines.reshape(n, -1, 2), slopes.reshape(n, -1, 2, 2)
+        points, rims = outlines[:, RIM_POINTS], slice(RIM_POINTS)
+        outlines = outlines[:, rims] - points[:, None]
+        normals = (_DERIVATIVE @ outlines)[..., ::-1] * (1, -1)  # (dy, -dx)
+        areas = np.einsum("nmi,nmi->n", outlines, normals) / (2 * RIM_POINTS)
+        shifts = np.einsum("nmi,nmi->ni", outlines**2, normals) / (2 * RIM_POINTS * areas[:, None])
+        pulls = np.empty((n, RIM_POINTS, 3))
+        pulls[..., :2] = normals[..., :1] * slopes[:, rims, 0] + normals[..., 1:] * slopes[:, rims, 1]
+        pulls[..., 2] = -np.einsum("nmi,nmi->nm", pulls[..., :2], directions.reshape(n, -1, 2)[:, rims])
+        pulls /= seen[:, rims, 2:]
+        offsets = outlines - shifts[:, None]
+        return cls(points + shifts, areas, points, slopes[:, -1], offsets, pulls, arms[:, rims], rotation)
 
     @property
     def radii(self) -> NDArray[np.float64]:
         """Radii (n,) of the circles of equal area, px."""
         return np.sqrt(2 * np.abs(self.areas))
 
-    def _pulls(self):
-        """(n, m, 3): what dx dy - dy dx is of a shift of the rim's point, mm in the camera frame."""
-        x, y, z = np.moveaxis(self.points, 2, 0)
-        u, v = np.moveaxis((self.normals[:, :, None] @ self.slopes)[:, :, 0], 2, 0)
-        return np.stack([u, v, -(u * x + v * y) / z], axis=2) / z[..., None]
-
     def by_pose(self) -> NDArray[np.float64]:
         """Derivatives (n, 2, 6) of the centres by the pose: see `moved` in `fit`."""
-        pulls = self._pulls()
-        changes = np.concatenate([pulls, np.cross(self.arms, pulls)], axis=2)
-        return self._of_centers(changes)
+        return self._of_centers(np.concatenate([self.pulls, np.cross(self.arms, self.pulls)], axis=2))
 
-    def by_place(self, rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+    def by_place(self) -> NDArray[np.float64]:
         """Derivatives (n, 3, 3) of centre and area, as stated above, by the disc's own x, y and radius, mm."""
-        in_plane = self._pulls() @ rotation[:, :2]
+        in_plane = self.pulls @ self.rotation[:, :2]
         changes = np.concatenate([in_plane, np.sum(in_plane * _RIM, axis=2, keepdims=True)], axis=2)
         return np.concatenate([self._of_centers(changes), changes.mean(axis=1)[:, None]], axis=1)
 
@@ -201,21 +217,33 @@ def back_project_discs(
     """
     image_centers = as_points(image_centers, 2, "image_centers")
     image_radii = _as_radii(image_radii, len(image_centers), "image_radii")
-    pose = as_pose(cam_from_plane, "cam_from_plane")
-    n, rotation, translation = len(image_centers), pose.rotation.as_matrix(), pose.translation
-    rims = image_centers + image_radii[:, None] * (1, 0)
-    points = camera.back_project(np.vstack([image_centers, rims]), pose)
-    places = np.column_stack([points[:n, :2], np.linalg.norm(points[n:] - points[:n], axis=1)])
+    n, rims = len(image_centers), image_centers + image_radii[:, None] * (1, 0)
+    points = camera.back_project(np.vstack([image_centers, rims]), as_pose(cam_from_plane, "cam_from_plane"))
+    radii = np.linalg.norm(points[n:] - points[:n], axis=1)
+    pose = pose_of(cam_from_plane)
+    return place_discs(image_centers, image_radii, camera, pose, (points[:n], radii), iterations)
+
+
+def place_discs(
+    image_centers: NDArray[np.float64],
+    image_radii: NDArray[np.float64],
+    camera: TsaiCamera | OpenCVCamera,
+    pose: Pose,
+    start: tuple[NDArray[np.float64], NDArray[np.float64]],
+    iterations: int = 30,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """`back_project_discs` from centres and radii near the result."""
+    centers, radii = start[0].copy(), start[1]
     for _ in range(iterations):
-        centers = np.column_stack([places[:, :2], np.zeros(n)])
-        images = DiscImages.of(camera, rotation, translation, centers, places[:, 2])
+        images = DiscImages.of(camera, pose, centers, radii)
         areas = np.sign(images.areas) * image_radii**2 / 2
         missing = np.column_stack([image_centers - images.centers, areas - images.areas])
-        steps = np.linalg.solve(images.by_place(rotation), missing[..., None])[..., 0]
-        places = places + steps
+        steps = np.linalg.solve(images.by_place(), missing[..., None])[..., 0]
+        centers[:, :2] += steps[:, :2]
+        radii = radii + steps[:, 2]
         if np.abs(steps).max() <= SETTLED:
             break
-    return np.column_stack([places[:, :2], np.zeros(n)]), places[:, 2]
+    return centers, radii
 
 
 # ---- input ----
