@@ -219,9 +219,10 @@ def back_project_discs(
     image_radii = _as_radii(image_radii, len(image_centers), "image_radii")
     n, rims = len(image_centers), image_centers + image_radii[:, None] * (1, 0)
     points = camera.back_project(np.vstack([image_centers, rims]), as_pose(cam_from_plane, "cam_from_plane"))
-    radii = np.linalg.norm(points[n:] - points[:n], axis=1)
+    centers, radii = points[:n], np.linalg.norm(points[n:] - points[:n], axis=1)
     pose = pose_of(cam_from_plane)
-    return place_discs(image_centers, image_radii, camera, pose, (points[:n], radii), iterations)
+    images = DiscImages.of(camera, pose, centers, radii)
+    return place_discs(image_centers, image_radii, camera, pose, centers, radii, images, iterations)
 
 
 def place_discs(
@@ -229,13 +230,14 @@ def place_discs(
     image_radii: NDArray[np.float64],
     camera: TsaiCamera | OpenCVCamera,
     pose: Pose,
-    start: tuple[NDArray[np.float64], NDArray[np.float64]],
+    centers: NDArray[np.float64],
+    radii: NDArray[np.float64],
+    images: DiscImages,
     iterations: int = 30,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """`back_project_discs` from centres and radii near the result."""
-    centers, radii = start[0].copy(), start[1]
+    """`back_project_discs` by Newton's method, from centres and radii near the result and their `images`."""
+    centers = centers.copy()
     for _ in range(iterations):
-        images = DiscImages.of(camera, pose, centers, radii)
         areas = np.sign(images.areas) * image_radii**2 / 2
         missing = np.column_stack([image_centers - images.centers, areas - images.areas])
         steps = np.linalg.solve(images.by_place(), missing[..., None])[..., 0]
@@ -243,6 +245,7 @@ def place_discs(
         radii = radii + steps[:, 2]
         if np.abs(steps).max() <= SETTLED:
             break
+        images = DiscImages.of(camera, pose, centers, radii)
     return centers, radii
 
 

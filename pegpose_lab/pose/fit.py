@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from ..checks import CalibrationError
 from .discs import DiscImages, Pose
 
 if TYPE_CHECKING:
@@ -26,9 +25,9 @@ ROUNDS = 10
 STEPS = 100
 """Largest number of steps in a round far from the minimum."""
 
-NEAR, SETTLED = 1e-2, 1e-9
-"""rad, or parts of the object's size: the steps after which Newton's method is safe, and after which none is needed;
-its steps shrink a hundredfold at least, so that what SETTLED leaves is below 1e-11."""
+NEAR, SETTLED = 1e-2, 1e-6
+"""rad, or parts of the object's size: steps within which Newton's method is safe, and after which none is needed: the
+error is squared by each, so that SETTLED leaves about 1e-10."""
 
 
 def moved(pose: Pose, step: NDArray[np.float64]) -> Pose:
@@ -65,6 +64,7 @@ class Fit:
     Attributes
     ----------
     pose : Pose
+    images : DiscImages
     residuals : (n, 2) ndarray
         Projected minus measured centres, px.
     gain : (6, 2 n) ndarray
@@ -73,6 +73,7 @@ class Fit:
     """
 
     pose: Pose
+    images: DiscImages
     residuals: np.ndarray
     gain: np.ndarray
 
@@ -84,7 +85,7 @@ class Fit:
         return np.einsum("ikp,kpq,jkq->ij", gain, noise, gain)
 
 
-def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera, settled: float = SETTLED) -> Fit:
+def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera) -> Fit:
     r"""Least squares of the directions to the discs.
 
     With the shifts s(p) of the images' centres from the images of the discs' centres, the measured centres m, and the
@@ -92,39 +93,34 @@ def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera, settl
 
     .. math:: J^T (d(p) - n(m - s(p))) = 0
 
-    (n undoes the camera).  Near it that is solved by Newton's method; farther away by Levenberg and Marquardt's,
-    s held.
-
-    Raises
-    ------
-    CalibrationError
-        If the discs come to lie behind the camera, or have no image.
+    (n undoes the camera).  ValueError if the discs come to lie behind the camera, or have no image.
     """
-    pose = start
-    try:
-        for _ in range(ROUNDS):
-            images = discs.images(pose, camera)
-            directions, jacobian = _directions(pose, discs.centers)
-            target = camera.to_normalized(discs.measured - (images.centers - images.points))
-            residuals, by_pixel = (directions - target).ravel(), np.linalg.inv(images.slopes)
-            normal = jacobian.T @ (by_pixel @ images.by_pose()).reshape(-1, 6)
-            newton = _solved(normal + _curvature(pose, discs.centers, residuals), -jacobian.T @ residuals)
-            length = _length(newton, discs.size)
-            if length <= NEAR:
-                pose = moved(pose, newton)
-            else:
-                pose = descend(pose, discs.centers, target)
-            if length <= settled:
-                break
-        else:
-            images = discs.images(pose, camera)
-    except ValueError as error:
-        raise CalibrationError(
-            "no pose puts the hub in front of the camera; check that its pegs are labelled clockwise on the screen"
-        ) from error
-    by_measured = by_pixel.transpose(0, 2, 1) @ jacobian.reshape(-1, 2, 6)
-    gain = _solved(normal, by_measured.reshape(-1, 6).T)
-    return Fit(pose, images.centers - discs.measured, gain)
+    pose, normal, by_measured = approach(start, discs, camera, SETTLED)
+    images = discs.images(pose, camera)
+    return Fit(pose, images, images.centers - discs.measured, _solved(normal, by_measured))
+
+
+def approach(pose, discs, camera, settled):
+    """The pose after a step that is no longer than `settled`, and two matrices from where that began.
+
+    They are J^T W (6, 6) with W, the derivative of what is in parentheses above, and minus J^T times that by the
+    measured centres (6, 2 n).  Near the minimum the steps are Newton's; farther away Levenberg and Marquardt's, s held.
+    """
+    for _ in range(ROUNDS):
+        images = discs.images(pose, camera)
+        directions, jacobian = _directions(pose, discs.centers)
+        target = camera.to_normalized(discs.measured - (images.centers - images.points))
+        pulls = np.einsum("nk,nkp->np", directions - target, jacobian)
+        by_measured = (np.linalg.inv(images.slopes).transpose(0, 2, 1) @ jacobian).reshape(-1, 6).T
+        normal = by_measured @ images.by_pose().reshape(-1, 6)
+        arms = discs.centers @ pose.rotation.T
+        curvature = _curvature(arms, arms[:, 2] + pose.translation[2], pulls)
+        newton = _solved(normal + curvature, -pulls.sum(axis=0))
+        length = _length(newton, discs.size)
+        pose = moved(pose, newton) if length <= NEAR else descend(pose, discs.centers, target)
+        if length <= settled:
+            break
+    return pose, normal, by_measured
 
 
 def _solved(matrix, right):
@@ -140,7 +136,7 @@ def _length(step, size):
 
 
 def _directions(pose, points):
-    """Directions x/z and y/z (n, 2) to points (n, 3), mm, and their derivatives (2 n, 6) by the pose."""
+    """Directions x/z and y/z (n, 2) to points (n, 3), mm, and their derivatives (n, 2, 6) by the pose."""
     arms = points @ pose.rotation.T
     x, y, z = (arms + pose.translation).T
     x, y = x / z, y / z
@@ -150,22 +146,20 @@ def _directions(pose, points):
     jacobian[:, 0, 2], jacobian[:, 1, 2] = -x / z, -y / z
     jacobian[:, 0, 3], jacobian[:, 0, 4], jacobian[:, 0, 5] = -x * b, c + x * a, -b
     jacobian[:, 1, 3], jacobian[:, 1, 4], jacobian[:, 1, 5] = -c - y * b, y * a, a
-    return np.column_stack([x, y]), jacobian.reshape(-1, 6)
+    return np.column_stack([x, y]), jacobian
 
 
-def _curvature(pose, points, residuals):
-    """The part (6, 6) of the second derivative of half the residuals' squares that comes from directions' curvature."""
-    arms = points @ pose.rotation.T
-    x, y, z = (arms + pose.translation).T
-    pulls = np.empty((len(points), 3))  # derivative by the point, the residuals held
-    pulls[:, :2] = residuals.reshape(-1, 2) / z[:, None]
-    pulls[:, 2] = -(pulls[:, 0] * x + pulls[:, 1] * y) / z
-    by_pose = np.hstack([pulls, np.cross(arms, pulls)])
-    depth = np.zeros_like(by_pose)  # derivative of ln z by the pose
-    depth[:, 2], depth[:, 3], depth[:, 4] = 1, arms[:, 1], -arms[:, 0]
-    mixed = -by_pose.T @ (depth / z[:, None])
-    turning = pulls.T @ arms  # of the second order of a turn
-    mixed[3:, 3:] += turning / 2 - np.trace(turning) / 2 * np.eye(3)
+def _curvature(arms, depths, pulls):
+    """The part (6, 6) of the second derivative of half the residuals' squares that comes from the directions' curvature.
+
+    `pulls` (n, 6) are the points' shares in the first derivative, `arms` the points from the object's origin in axes of
+    the camera, `depths` their z in its frame, mm.
+    """
+    by_depth = np.zeros_like(pulls)  # of ln z
+    by_depth[:, 2], by_depth[:, 3], by_depth[:, 4] = 1 / depths, arms[:, 1] / depths, -arms[:, 0] / depths
+    mixed = -pulls.T @ by_depth
+    turning = pulls[:, :3].T @ arms  # of the second order of a turn
+    mixed[3:, 3:] += (turning - np.eye(3) * (turning[0, 0] + turning[1, 1] + turning[2, 2])) / 2
     return mixed + mixed.T
 
 
@@ -173,9 +167,9 @@ def descend(pose: Pose, points: NDArray[np.float64], target: NDArray[np.float64]
     """Levenberg-Marquardt on the directions to `points` (n, 3), mm, that should be `target` (n, 2)."""
     size, damping = float(np.sqrt(np.max(np.sum(points**2, axis=1)))), 0.0
     directions, jacobian = _directions(pose, points)
-    residuals = (directions - target).ravel()
+    residuals, jacobian = (directions - target).ravel(), jacobian.reshape(-1, 6)
     for _ in range(STEPS):
-        scale = np.sqrt(np.sum(jacobian**2, axis=0))
+        scale = np.sqrt(np.einsum("rp,rp->p", jacobian, jacobian))
         scaled = jacobian / scale
         try:
             step = -np.linalg.solve(scaled.T @ scaled + damping * np.eye(6), scaled.T @ residuals) / scale
@@ -185,9 +179,9 @@ def descend(pose: Pose, points: NDArray[np.float64], target: NDArray[np.float64]
         directions, new_jacobian = _directions(trial, points)
         new = (directions - target).ravel()
         if new @ new <= residuals @ residuals:
-            pose, residuals, jacobian, damping = trial, new, new_jacobian, damping / 10
+            pose, residuals, jacobian, damping = trial, new, new_jacobian.reshape(-1, 6), damping / 10
         else:
             damping = max(10 * damping, 1e-3)
-        if _length(step, size) <= NEAR**2 or damping > 1e9:
+        if _length(step, size) <= NEAR or damping > 1e9:
             break
     return pose

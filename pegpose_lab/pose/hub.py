@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 
 from ..checks import CalibrationError, as_points, as_pose
 from .discs import Pose, _as_radii, back_project_discs, place_discs, pose_of
-from .fit import NEAR, Discs, Fit, descend, fit_pose
+from .fit import NEAR, Discs, Fit, approach, descend, fit_pose
 
 if TYPE_CHECKING:
     from ..camera import OpenCVCamera, TsaiCamera
@@ -136,7 +136,7 @@ def estimate_pose(
         seen = back_project_discs(centers, radii, camera, plane)[0]
         fit = _fit_in_plane(frame, seen[:, :2], _pegs(centers, hub), camera)
     rotation, translation = fit.pose
-    tops, tops_radii = place_discs(centers, radii, camera, fit.pose, (hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius)))
+    tops, tops_radii = place_discs(centers, radii, camera, fit.pose, hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius), fit.images)
     x, y, _ = frame.rotation.T @ (translation - frame.translation)
     cos, sin, _ = frame.rotation.T @ rotation[:, 0]
     return HubPose(
@@ -172,7 +172,7 @@ def _fit_in_plane(frame, seen, pegs, camera):
     jacobian[:, 0, 2], jacobian[:, 1, 2] = -arms[:, 1], arms[:, 0]
     gain = np.linalg.pinv(jacobian.reshape(-1, 3)).reshape(3, -1, 2)
     gain = np.einsum("ikp,kpq->ikq", gain, by_pixel).reshape(3, -1)
-    return Fit(pose, images.centers - pegs.measured, in_frame @ gain)
+    return Fit(pose, images, images.centers - pegs.measured, in_frame @ gain)
 
 
 def _fit_flat(points, measured):
@@ -197,7 +197,12 @@ def _fit_six_degrees(observation, centers, camera, hub):
     pegs, parts = _pegs(centers, hub), _all_parts(observation, centers, hub)
     parallel = _parallel_pose(camera.to_normalized(centers), hub)
     near = descend(parallel, parts.centers, camera.to_normalized(parts.measured))
-    return fit_pose(fit_pose(near, parts, camera, settled=NEAR).pose, pegs, camera)
+    try:
+        return fit_pose(approach(near, parts, camera, NEAR)[0], pegs, camera)
+    except ValueError as error:
+        raise CalibrationError(
+            "no pose puts the hub in front of the camera; check that its pegs are labelled clockwise on the screen"
+        ) from error
 
 
 def _pegs(centers, hub):
