@@ -116,7 +116,9 @@ class TsaiCamera(_Pixels, _Camera):
         distorted = self.distort(self.focal_length * np.asarray(normalized, np.float64))
         bend = self.kappa1 * (distorted[:, 0] ** 2 + distorted[:, 1] ** 2)
         h = 1 / (1 + bend)
-        derivative = distorted[:, :, None] * distorted[:, None, :] * (-2 * self.kappa1 * h / (1 + 3 * bend))[:, None, None]
+        derivative = (
+            distorted[:, :, None] * distorted[:, None, :] * (-2 * self.kappa1 * h / (1 + 3 * bend))[:, None, None]
+        )
         derivative[:, 0, 0] += h
         derivative[:, 1, 1] += h
         return self.to_image(distorted), derivative * (self.focal_length * self.pixels_per_mm)[:, None]

@@ -154,6 +154,10 @@ class DiscImages:
         outlines = outlines[:, rims] - points[:, None]
         normals = (_DERIVATIVE @ outlines)[..., ::-1] * (1, -1)  # (dy, -dx)
         areas = np.einsum("nmi,nmi->n", outlines, normals) / (2 * RIM_POINTS)
+        if not areas.all():
+            raise ValueError(
+                "centers and radii: a disc has no area in the image; it is seen edge-on, or from too far away"
+            )
         shifts = np.einsum("nmi,nmi->ni", outlines**2, normals) / (2 * RIM_POINTS * areas[:, None])
         pulls = np.empty((n, RIM_POINTS, 3))
         pulls[..., :2] = normals[..., :1] * slopes[:, rims, 0] + normals[..., 1:] * slopes[:, rims, 1]
@@ -217,9 +221,9 @@ def back_project_discs(
     """
     image_centers = as_points(image_centers, 2, "image_centers")
     image_radii = _as_radii(image_radii, len(image_centers), "image_radii")
-    n, rims = len(image_centers), image_centers + image_radii[:, None] * (1, 0)
-    points = camera.back_project(np.vstack([image_centers, rims]), as_pose(cam_from_plane, "cam_from_plane"))
-    centers, radii = points[:n], np.linalg.norm(points[n:] - points[:n], axis=1)
+    centers = camera.back_project(image_centers, as_pose(cam_from_plane, "cam_from_plane"))
+    rim = camera.back_project(image_centers + image_radii[:, None] * (1, 0), cam_from_plane)
+    radii = np.linalg.norm(rim - centers, axis=1)
     pose = pose_of(cam_from_plane)
     images = DiscImages.of(camera, pose, centers, radii)
     return place_discs(image_centers, image_radii, camera, pose, centers, radii, images, iterations)
@@ -240,7 +244,10 @@ def place_discs(
     for _ in range(iterations):
         areas = np.sign(images.areas) * image_radii**2 / 2
         missing = np.column_stack([image_centers - images.centers, areas - images.areas])
-        steps = np.linalg.solve(images.by_place(), missing[..., None])[..., 0]
+        try:
+            steps = np.linalg.solve(images.by_place(), missing[..., None])[..., 0]
+        except np.linalg.LinAlgError as error:
+            raise ValueError("image_centers: the plane is seen edge-on; no disc in it has such an image") from error
         centers[:, :2] += steps[:, :2]
         radii = radii + steps[:, 2]
         if np.abs(steps).max() <= SETTLED:

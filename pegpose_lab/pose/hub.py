@@ -46,6 +46,7 @@ class HubPose:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from scipy.spatial.transform import RigidTransform, Rotation
     >>> import pegpose_lab as pl
     >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
@@ -55,6 +56,8 @@ class HubPose:
     >>> pose = pl.estimate_pose(pl.locate_pegs(image, hub), camera, hub)  # all six numbers
     >>> pose.cam_from_hub.translation.round().tolist(), bool(pose.rms < 0.1)
     ([2.0, -1.0, 400.0], True)
+    >>> bool((np.sqrt(np.diag(pose.covariance))[:3] < [0.02, 0.02, 0.2]).all())  # sigmas of x, y and z, mm
+    True
     """
 
     cam_from_hub: RigidTransform
@@ -136,7 +139,7 @@ def estimate_pose(
         seen = back_project_discs(centers, radii, camera, plane)[0]
         fit = _fit_in_plane(frame, seen[:, :2], _pegs(centers, hub), camera)
     rotation, translation = fit.pose
-    tops, tops_radii = place_discs(centers, radii, camera, fit.pose, hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius), fit.images)
+    tops, tops_radii = _tops(centers, radii, camera, fit, hub)
     x, y, _ = frame.rotation.T @ (translation - frame.translation)
     cos, sin, _ = frame.rotation.T @ rotation[:, 0]
     return HubPose(
@@ -148,6 +151,15 @@ def estimate_pose(
         peg_radii=tops_radii,
         residuals=fit.residuals,
         covariance=None if noise is None else fit.covariance(noise),
+    )
+
+
+def _tops(centers, radii, camera, fit, hub):
+    """Where the pegs are in the plane of their tops, and their radii, mm in the hub's frame."""
+    if (np.abs(fit.residuals).max(axis=1) > fit.images.radii).any():  # too far off for Newton's method from there
+        return back_project_discs(centers, radii, camera, _transform(fit.pose))
+    return place_discs(
+        centers, radii, camera, fit.pose, hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius), fit.images
     )
 
 
