@@ -25,9 +25,13 @@ ROUNDS = 10
 STEPS = 100
 """Largest number of steps in a round far from the minimum."""
 
-NEAR, SETTLED = 1e-2, 1e-6
-"""rad, or parts of the object's size: steps within which Newton's method is safe, and after which none is needed: the
-error is squared by each, so that SETTLED leaves about 1e-10."""
+LARGEST_DAMPING = 1e9
+"""Of the squared Jacobian's diagonal: a step that is damped more moves nothing; rounding forbids it, not the squares."""
+
+NEAR, SMALL, SETTLED = 1e-2, 1e-3, 1e-6
+"""rad, or parts of the object's size: steps within which Newton's method is safe; to which Levenberg and Marquardt's
+method, whose steps shrink slowly where two poses fit alike, prepares it; and after which none is needed: the error is
+squared by each, so that SETTLED leaves about 1e-10."""
 
 
 def moved(pose: Pose, step: NDArray[np.float64]) -> Pose:
@@ -100,7 +104,9 @@ def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera) -> Fi
     return Fit(pose, images, images.centers - discs.measured, _solved(normal, by_measured))
 
 
-def approach(pose, discs, camera, settled):
+def approach(
+    pose: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera, settled: float
+) -> tuple[Pose, NDArray[np.float64], NDArray[np.float64]]:
     """The pose after a step that is no longer than `settled`, and two matrices from where that began.
 
     They are J^T W (6, 6) with W, the derivative of what is in parentheses above, and minus J^T times that by the
@@ -115,12 +121,21 @@ def approach(pose, discs, camera, settled):
         normal = by_measured @ images.by_pose().reshape(-1, 6)
         arms = discs.centers @ pose.rotation.T
         curvature = _curvature(arms, arms[:, 2] + pose.translation[2], pulls)
-        newton = _solved(normal + curvature, -pulls.sum(axis=0))
+        newton = _newton(normal + curvature, pulls.sum(axis=0))
         length = _length(newton, discs.size)
         pose = moved(pose, newton) if length <= NEAR else descend(pose, discs.centers, target)
         if length <= settled:
             break
     return pose, normal, by_measured
+
+
+def _newton(second, gradient):
+    """Newton's step, infinite where the squares curve down: from there it would lead to no minimum."""
+    try:
+        np.linalg.cholesky(second + second.T)
+        return -np.linalg.solve(second, gradient)
+    except np.linalg.LinAlgError:
+        return np.full(6, np.inf)
 
 
 def _solved(matrix, right):
@@ -180,8 +195,10 @@ def descend(pose: Pose, points: NDArray[np.float64], target: NDArray[np.float64]
         new = (directions - target).ravel()
         if new @ new <= residuals @ residuals:
             pose, residuals, jacobian, damping = trial, new, new_jacobian.reshape(-1, 6), damping / 10
+            if _length(step, size) <= SMALL:
+                break
         else:
             damping = max(10 * damping, 1e-3)
-        if _length(step, size) <= NEAR or damping > 1e9:
-            break
+            if damping > LARGEST_DAMPING:
+                break
     return pose

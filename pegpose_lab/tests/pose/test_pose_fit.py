@@ -128,6 +128,23 @@ def test_same_minimum_from_the_same_start(camera, truth, noise, rng):
     assert np.abs(step[:3]).max() < 1e-6 and np.abs(step[3:]).max() < 1e-8
 
 
+@pytest.mark.parametrize("rng", range(12))
+def test_a_pose_is_a_minimum_where_two_fit_nearly_alike(rng):
+    """From far away the squares have two minima at opposite tilts, and a saddle between them, where Newton's method ends
+    as readily: all eigenvalues of the second derivative have to be positive."""
+    truth = RigidTransform.from_components([0, 0, 1200.0], Rotation.from_rotvec([0.01, 0, 0.3]))
+    observation = observe(truth, CAMERAS[0], HUB, 0.3, rng)
+    pose = estimate_pose(observation, CAMERAS[0], HUB).cam_from_hub
+    radii, scale = np.full(4, HUB.peg_radius), np.repeat([50, 1], 3)
+
+    def squares(step):
+        seen = project_discs(CAMERAS[0], moved(pose, step * scale), HUB.peg_centers, radii)[0]
+        return np.sum((seen - observation.peg_centers) ** 2) / 2
+
+    second = numerical(lambda step: numerical(lambda more: squares(step + more), 6, 1e-3), 6, 1e-3)
+    assert np.linalg.eigvalsh(second)[0] > 0
+
+
 # ---- derivatives ----
 
 
