@@ -24,6 +24,9 @@ CAMERAS = [
     OpenCVCamera([[800, 0, 399], [0, 810, 299], [0, 0, 1]], [-0.2, 0.08, 0.002, -0.003, 0.01], (800, 600)),
 ]
 
+TRUTH = RigidTransform.from_components([10.0, -20.0, 300.0], Rotation.from_rotvec([0.3, -0.2, 0.5]))
+SIGMA = 0.02
+
 cameras = st.sampled_from(CAMERAS)
 poses = st.builds(
     lambda tilt, azimuth, turn, x, y, depth: RigidTransform.from_components(
@@ -145,6 +148,31 @@ def test_a_pose_is_a_minimum_where_two_fit_nearly_alike(rng):
     assert np.linalg.eigvalsh(second)[0] > 0
 
 
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("tilt", [0.0, 0.3, 0.8])
+def test_a_pose_takes_few_images_of_discs(monkeypatch, camera, tilt):
+    """They take most of the time, and scipy's least squares took 400 residuals: one for all parts, three for the fit of the
+    pegs and one after it, one for the pegs' own places; one more of each if a step is just too long."""
+    calls, images = [], DiscImages.of
+    monkeypatch.setattr(DiscImages, "of", lambda *arguments: calls.append(1) or images(*arguments))
+    observation = observe(RigidTransform.from_components([10, 0, 300], Rotation.from_rotvec([tilt, 0, 1])), camera)
+    observation.peg_centers = observation.peg_centers + np.random.default_rng(0).normal(0, SIGMA, (4, 2))
+    calls.clear()
+    estimate_pose(observation, camera, HUB)
+    assert len(calls) <= 8
+
+
+def test_pegs_far_from_where_the_pose_puts_them_are_placed_too():
+    observation = observe(TRUTH, CAMERAS[0])
+    observation.peg_centers[0] += [60, -80]
+    pose = estimate_pose(observation, CAMERAS[0], HUB, plane=TRUTH)
+    assert np.abs(pose.residuals).max() > observation.peg_radii.max()
+    places = pose.cam_from_hub.inv().apply(pose.peg_centers)
+    centers, radii = project_discs(CAMERAS[0], pose.cam_from_hub, places, pose.peg_radii)
+    np.testing.assert_allclose(centers, observation.peg_centers, atol=1e-8)
+    np.testing.assert_allclose(radii, observation.peg_radii, atol=1e-8)
+
+
 # ---- derivatives ----
 
 
@@ -205,8 +233,6 @@ def test_a_step_turns_about_the_object_and_shifts_it():
 
 # ---- covariance ----
 
-TRUTH = RigidTransform.from_components([10.0, -20.0, 300.0], Rotation.from_rotvec([0.3, -0.2, 0.5]))
-SIGMA = 0.02
 TRIALS = 500
 
 
