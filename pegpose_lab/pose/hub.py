@@ -254,15 +254,11 @@ def _as_plane(plane):
 
 
 def _noise(observation, count):
-    """Covariances (n, 2, 2) of the pegs' centres, px^2, or None where the observation tells none."""
-    covariances, sigmas = (getattr(observation, name, None) for name in ("peg_covariances", "peg_sigmas"))
-    if covariances is None and sigmas is None:
-        return None
-    if covariances is None:
-        covariances = np.asarray(sigmas, np.float64)[..., None] ** 2 * np.eye(2)
-    covariances = np.asarray(covariances, np.float64)
-    if covariances.shape != (count, 2, 2):
-        raise ValueError(
-            f"observation: peg_covariances have shape {covariances.shape}; expected {(count, 2, 2)}, or peg_sigmas {(count, 2)}"
-        )
-    return covariances
+    """Covariances (n, 2, 2) of the pegs' centres, px^2, or None where the observation tells none; infinite is allowed."""
+    for name, shape in (("peg_covariances", (count, 2, 2)), ("peg_sigmas", (count, 2))):
+        if getattr(observation, name, None) is not None:
+            stated = np.asarray(getattr(observation, name), np.float64)
+            if stated.shape != shape or np.isnan(stated).any():
+                raise ValueError(f"observation.{name} has shape {stated.shape}; expected {shape}, without NaN")
+            return stated if stated.ndim == 3 else np.where(np.eye(2, dtype=bool), stated[..., None] ** 2, 0.0)
+    return None

@@ -164,7 +164,7 @@ def test_a_pose_takes_few_images_of_discs(monkeypatch, camera, tilt):
 
 def test_pegs_far_from_where_the_pose_puts_them_are_placed_too():
     observation = observe(TRUTH, CAMERAS[0])
-    observation.peg_centers[0] += [60, -80]
+    observation.peg_centers[0] += [120, -160]
     pose = estimate_pose(observation, CAMERAS[0], HUB, plane=TRUTH)
     assert np.abs(pose.residuals).max() > observation.peg_radii.max()
     places = pose.cam_from_hub.inv().apply(pose.peg_centers)
@@ -271,5 +271,10 @@ def test_covariance_takes_covariances_of_the_pegs():
     observation.peg_covariances[2] = np.inf
     assert np.isinf(np.diag(estimate_pose(observation, CAMERAS[0], HUB).covariance)).all()
     observation.peg_covariances = np.ones((3, 2, 2))
-    with pytest.raises(ValueError, match=r"peg_covariances have shape \(3, 2, 2\)"):
+    with pytest.raises(ValueError, match=r"peg_covariances has shape \(3, 2, 2\); expected \(4, 2, 2\)"):
         estimate_pose(observation, CAMERAS[0], HUB)
+    observation.peg_covariances, observation.peg_sigmas = None, np.full((4, 2), np.nan)
+    with pytest.raises(ValueError, match="peg_sigmas has shape .* without NaN"):
+        estimate_pose(observation, CAMERAS[0], HUB)
+    observation.peg_sigmas[:] = np.inf
+    assert np.isinf(np.diag(estimate_pose(observation, CAMERAS[0], HUB, plane=TRUTH).covariance)).all()
