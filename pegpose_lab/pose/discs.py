@@ -173,7 +173,8 @@ class DiscImages:
 
     def by_pose(self) -> NDArray[np.float64]:
         """Derivatives (n, 2, 6) of the centres by the pose: see `moved` in `fit`."""
-        return self._of_centers(np.concatenate([self.pulls, np.cross(self.arms, self.pulls)], axis=2))
+        (x, y, z), (u, v, w) = self.arms.transpose(2, 0, 1), self.pulls.transpose(2, 0, 1)
+        return self._of_centers(np.stack([u, v, w, y * w - z * v, z * u - x * w, x * v - y * u], axis=2))
 
     def by_place(self) -> NDArray[np.float64]:
         """Derivatives (n, 3, 3) of centre and area, as stated above, by the disc's own x, y and radius, mm."""

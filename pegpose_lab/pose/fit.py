@@ -28,10 +28,13 @@ STEPS = 100
 LARGEST_DAMPING = 1e9
 """Of the squared Jacobian's diagonal: a step that is damped more moves nothing; rounding forbids it, not the squares."""
 
-NEAR, SMALL, SETTLED = 1e-2, 1e-3, 1e-6
-"""rad, or parts of the object's size: steps within which Newton's method is safe; to which Levenberg and Marquardt's
-method, whose steps shrink slowly where two poses fit alike, prepares it; and after which none is needed: the error is
-squared by each, so that SETTLED leaves about 1e-10."""
+NEAR, SETTLED = 1e-2, 1e-6
+"""rad, or parts of the object's size: steps within which Newton's method is safe, and after which none is needed: the
+error is squared by each, so that SETTLED leaves about 1e-10."""
+
+SLOWER = 1e-3
+"""Share of a step of Newton's method that a step of Levenberg and Marquardt's may have at the end: where two poses fit nearly
+alike, its steps shrink so slowly that a thousand of them may be left."""
 
 
 def moved(pose: Pose, step: NDArray[np.float64]) -> Pose:
@@ -123,7 +126,7 @@ def approach(
         curvature = _curvature(arms, arms[:, 2] + pose.translation[2], pulls)
         newton = _newton(normal + curvature, pulls.sum(axis=0))
         length = _length(newton, discs.size)
-        pose = moved(pose, newton) if length <= NEAR else descend(pose, discs.centers, target)
+        pose = moved(pose, newton) if length <= NEAR else descend(pose, discs.centers, target, SLOWER * settled)
         if length <= settled:
             break
     return pose, normal, by_measured
@@ -178,8 +181,11 @@ def _curvature(arms, depths, pulls):
     return mixed + mixed.T
 
 
-def descend(pose: Pose, points: NDArray[np.float64], target: NDArray[np.float64]) -> Pose:
-    """Levenberg-Marquardt on the directions to `points` (n, 3), mm, that should be `target` (n, 2)."""
+def descend(pose: Pose, points: NDArray[np.float64], target: NDArray[np.float64], settled: float) -> Pose:
+    """Levenberg-Marquardt on the directions to `points` (n, 3), mm, that should be `target` (n, 2).
+
+    It ends after a step no longer than `settled`.
+    """
     size, damping = float(np.sqrt(np.max(np.sum(points**2, axis=1)))), 0.0
     directions, jacobian = _directions(pose, points)
     residuals, jacobian = (directions - target).ravel(), jacobian.reshape(-1, 6)
@@ -195,7 +201,7 @@ def descend(pose: Pose, points: NDArray[np.float64], target: NDArray[np.float64]
         new = (directions - target).ravel()
         if new @ new <= residuals @ residuals:
             pose, residuals, jacobian, damping = trial, new, new_jacobian.reshape(-1, 6), damping / 10
-            if _length(step, size) <= SMALL:
+            if _length(step, size) <= settled:
                 break
         else:
             damping = max(10 * damping, 1e-3)

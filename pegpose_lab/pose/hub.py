@@ -208,7 +208,7 @@ def _fit_six_degrees(observation, centers, camera, hub):
     """
     pegs, parts = _pegs(centers, hub), _all_parts(observation, centers, hub)
     parallel = _parallel_pose(camera.to_normalized(centers), hub)
-    near = descend(parallel, parts.centers, camera.to_normalized(parts.measured))
+    near = descend(parallel, parts.centers, camera.to_normalized(parts.measured), NEAR)
     try:
         return fit_pose(approach(near, parts, camera, NEAR)[0], pegs, camera)
     except ValueError as error:
