@@ -123,7 +123,7 @@ class OpenCVCamera(_Camera):
 
 def _solve_2x2(matrices, vectors):
     """Solve stacked 2x2 systems by Cramer's rule; a singular one gives a zero step."""
-    (a, b), (c, d) = np.moveaxis(matrices, 0, -1)
+    a, b, c, d = matrices.reshape(-1, 4).T
     x, y = vectors.T
     determinant = a * d - b * c
     safe = np.where(determinant == 0, np.inf, determinant)

@@ -36,6 +36,10 @@ class _Camera:
         """Undistorted directions (x/z, y/z) to image px."""
         raise NotImplementedError
 
+    def image_and_derivative(self, normalized: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Undistorted directions (n, 2) to image px (n, 2), and the derivative (n, 2, 2) by them."""
+        raise NotImplementedError
+
     def to_normalized(self, image_points: ArrayLike) -> NDArray[np.float64]:
         """Image px to undistorted directions (x/z, y/z)."""
         raise NotImplementedError
@@ -66,12 +70,17 @@ class _Camera:
             no image.
         """
         points = as_pose(cam_from_object, "cam_from_object").apply(as_points(object_points, 3, "object_points"))
-        behind = np.count_nonzero(points[:, 2] <= 0)
-        if behind:
+        return self.from_normalized(self.directions(points))
+
+    def directions(self, camera_points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Undistorted directions (x/z, y/z) of points (n, 3) in the camera frame, mm; ValueError if one is behind it."""
+        depth = camera_points[:, 2:]
+        if depth.min() <= 0:
             raise ValueError(
-                f"object_points: {behind} of {len(points)} lie behind the camera (z <= 0 in the camera frame)"
+                f"object_points: {np.count_nonzero(depth <= 0)} of {len(depth)} lie behind the camera "
+                "(z <= 0 in the camera frame)"
             )
-        return self.from_normalized(points[:, :2] / points[:, 2:])
+        return camera_points[:, :2] / depth
 
     def back_project(
         self, image_points: ArrayLike, cam_from_object: RigidTransform, z: float = 0.0

@@ -106,6 +106,23 @@ class TsaiCamera(_Pixels, _Camera):
         """Undistorted directions (x/z, y/z) to image px."""
         return self.to_image(self.distort(self.focal_length * np.asarray(normalized)))
 
+    def image_and_derivative(self, normalized: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        r"""Undistorted directions (n, 2) to image px (n, 2), and the derivative (n, 2, 2) by them.
+
+        With :math:`h = 1 / (1 + \kappa_1 r_d^2)`, Eq. 3 solved for :math:`x_d = h x_u` has
+
+        .. math:: dx_d/dx_u = h I - \frac{2 \kappa_1 h}{1 + 3 \kappa_1 r_d^2} x_d x_d^T.
+        """
+        distorted = self.distort(self.focal_length * np.asarray(normalized, np.float64))
+        bend = self.kappa1 * (distorted[:, 0] ** 2 + distorted[:, 1] ** 2)
+        h = 1 / (1 + bend)
+        derivative = (
+            distorted[:, :, None] * distorted[:, None, :] * (-2 * self.kappa1 * h / (1 + 3 * bend))[:, None, None]
+        )
+        derivative[:, 0, 0] += h
+        derivative[:, 1, 1] += h
+        return self.to_image(distorted), derivative * (self.focal_length * self.pixels_per_mm)[:, None]
+
     def to_normalized(self, image_points: ArrayLike) -> NDArray[np.float64]:
         """Image px to undistorted directions (x/z, y/z)."""
         return self.undistort(self.to_sensor(image_points)) / self.focal_length

@@ -6,19 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from ..checks import CalibrationError, as_points, as_pose
-from .discs import _as_radii, back_project_discs, project_discs
+from .discs import Pose, _as_radii, back_project_discs, place_discs, pose_of
+from .fit import NEAR, Discs, Fit, approach, descend, fit_pose
 
 if TYPE_CHECKING:
     from ..camera import OpenCVCamera, TsaiCamera
     from ..pegs import PegObservation
     from ..targets import Hub
-
-_POLISH_ROUNDS = 5
-
 
 # ---- the hub ----
 
@@ -41,9 +38,15 @@ class HubPose:
         Each peg's measured radius, mm.
     residuals : (n, 2) ndarray
         Reprojection errors: projected minus measured centres of the pegs' images, px.
+    covariance : (6, 6) ndarray or None
+        Of the pose in the order (x, y, z, rotation vector), mm and rad: of a left perturbation in the frame that has the
+        axes of the camera and its origin at the hub's.  The first three are those of ``cam_from_hub.translation``.  It
+        follows from the pegs' sigmas alone, the camera being exact, and the plane too if there is one (rank 3 then).
+        None if the observation has no sigmas; infinite on the diagonal where they do not determine the pose.
 
     Examples
     --------
+    >>> import numpy as np
     >>> from scipy.spatial.transform import RigidTransform, Rotation
     >>> import pegpose_lab as pl
     >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
@@ -53,6 +56,8 @@ class HubPose:
     >>> pose = pl.estimate_pose(pl.locate_pegs(image, hub), camera, hub)  # all six numbers
     >>> pose.cam_from_hub.translation.round().tolist(), bool(pose.rms < 0.1)
     ([2.0, -1.0, 400.0], True)
+    >>> bool((np.sqrt(np.diag(pose.covariance))[:3] < [0.02, 0.02, 0.2]).all())  # sigmas of x, y and z, mm
+    True
     """
 
     cam_from_hub: RigidTransform
@@ -62,6 +67,7 @@ class HubPose:
     peg_centers: np.ndarray
     peg_radii: np.ndarray
     residuals: np.ndarray
+    covariance: np.ndarray | None = None
 
     @property
     def rms(self) -> float:
@@ -81,7 +87,8 @@ def estimate_pose(
     Parameters
     ----------
     observation : PegObservation
-        `peg_centers` and `peg_radii` in px, in label order.  Without `plane` also `screw_centers` and
+        `peg_centers` and `peg_radii` in px, in label order, and for the covariance `peg_covariances` (n, 2, 2), px^2, or
+        `peg_sigmas` (n, 2), px.  Without `plane` also `screw_centers` and
         `bore_center`, which tell the two mirror solutions of a planar pose apart.
     camera : TsaiCamera or OpenCVCamera
     hub : Hub
@@ -124,26 +131,63 @@ def estimate_pose(
     if len(centers) != hub.n_pegs:
         raise ValueError(f"observation.peg_centers has {len(centers)} rows; expected one for each peg: {hub.n_pegs}")
     radii = _as_radii(observation.peg_radii, hub.n_pegs, "observation.peg_radii")
+    noise = _noise(observation, hub.n_pegs)
     if plane is None:
-        frame, cam_from_hub = RigidTransform.identity(), _fit_six_degrees(observation, centers, camera, hub)
+        frame, fit = Pose(np.eye(3), np.zeros(3)), _fit_six_degrees(observation, centers, camera, hub)
     else:
-        frame = _as_plane(plane)
+        frame = pose_of(_as_plane(plane))
         seen = back_project_discs(centers, radii, camera, plane)[0]
-        cam_from_hub = plane * _fit_in_plane(hub.peg_centers[:, :2], seen[:, :2])
-    frame_from_hub = frame.inv() * cam_from_hub
-    tops, tops_radii = back_project_discs(centers, radii, camera, cam_from_hub)
+        fit = _fit_in_plane(frame, seen[:, :2], _pegs(centers, hub), camera)
+    rotation, translation = fit.pose
+    tops, tops_radii = _tops(centers, radii, camera, fit, hub)
+    x, y, _ = frame.rotation.T @ (translation - frame.translation)
+    cos, sin, _ = frame.rotation.T @ rotation[:, 0]
     return HubPose(
-        cam_from_hub=cam_from_hub,
-        x=float(frame_from_hub.translation[0]),
-        y=float(frame_from_hub.translation[1]),
-        theta=_turn(frame_from_hub.rotation),
-        peg_centers=cam_from_hub.apply(tops),
+        cam_from_hub=_transform(fit.pose),
+        x=float(x),
+        y=float(y),
+        theta=float(np.arctan2(sin, cos)),
+        peg_centers=tops @ rotation.T + translation,
         peg_radii=tops_radii,
-        residuals=_pegs(centers, hub).residuals(cam_from_hub, camera),
+        residuals=fit.residuals,
+        covariance=None if noise is None else fit.covariance(noise),
     )
 
 
-def _fit_in_plane(points, measured):
+def _tops(centers, radii, camera, fit, hub):
+    """Where the pegs are in the plane of their tops, and their radii, mm in the hub's frame."""
+    if (np.abs(fit.residuals).max(axis=1) > fit.images.radii).any():  # too far off for Newton's method from there
+        return back_project_discs(centers, radii, camera, _transform(fit.pose))
+    return place_discs(
+        centers, radii, camera, fit.pose, hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius), fit.images
+    )
+
+
+def _transform(pose):
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = pose
+    return RigidTransform(matrix, normalize=False)
+
+
+def _fit_in_plane(frame, seen, pegs, camera):
+    """x, y and theta by least squares in the plane; `seen` (n, 2) is where the pegs are in it, mm."""
+    flat = _fit_flat(pegs.centers[:, :2], seen)
+    pose = Pose(frame.rotation @ flat.rotation, frame.rotation @ flat.translation + frame.translation)
+    images = pegs.images(pose, camera)
+    by_pose = images.by_pose()
+    in_frame = np.zeros((6, 3))  # x, y and theta as a motion in axes of the camera
+    in_frame[:3, :2], in_frame[3:, 2] = frame.rotation[:, :2], frame.rotation[:, 2]
+    by_pixel = np.linalg.inv(by_pose[:, :, :3] @ frame.rotation[:, :2])  # where the plane's points were seen
+    arms = pegs.centers @ flat.rotation.T
+    jacobian = np.zeros((len(arms), 2, 3))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = -arms[:, 1], arms[:, 0]
+    gain = np.linalg.pinv(jacobian.reshape(-1, 3)).reshape(3, -1, 2)
+    gain = np.einsum("ikp,kpq->ikq", gain, by_pixel).reshape(3, -1)
+    return Fit(pose, images, images.centers - pegs.measured, in_frame @ gain)
+
+
+def _fit_flat(points, measured):
     """Rigid motion (x, y, theta) of the plane that takes points (n, 2) to measured ones, by least squares."""
     from_middle, to_middle = points.mean(axis=0), measured.mean(axis=0)
     a, b = points - from_middle, measured - to_middle
@@ -151,9 +195,9 @@ def _fit_in_plane(points, measured):
     if np.hypot(dot, cross) < 0.1 * np.sum(a**2):  # the ratio is about 1 for the hub's own ring
         raise CalibrationError("the pegs are not an image of the hub's ring; check that they are labelled clockwise")
     theta = np.arctan2(cross, dot)
-    rotation = Rotation.from_rotvec([0, 0, theta])
-    x, y = to_middle - rotation.as_matrix()[:2, :2] @ from_middle
-    return RigidTransform.from_components([x, y, 0], rotation)
+    cos, sin = np.cos(theta), np.sin(theta)
+    rotation = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    return Pose(rotation, np.array([*(to_middle - rotation[:2, :2] @ from_middle), 0.0]))
 
 
 def _fit_six_degrees(observation, centers, camera, hub):
@@ -162,26 +206,19 @@ def _fit_six_degrees(observation, centers, camera, hub):
     From far away a plane and its mirror image, tilted the other way, look the same (weak perspective); three
     pegs alone even allow up to four poses.  Bore and screws lie at another height and tell these poses apart.
     """
-    start = _parallel_pose(camera.to_normalized(centers), hub)
-    near = _polish(start, _all_parts(observation, centers, hub), camera)
-    return _polish(near, _pegs(centers, hub), camera)
-
-
-@dataclass(frozen=True, eq=False)
-class _Discs:
-    """Discs of the hub: centres (n, 3) and radii (n,), mm, and measured centres of their images (n, 2), px."""
-
-    centers: np.ndarray
-    radii: np.ndarray
-    measured: np.ndarray
-
-    def residuals(self, cam_from_hub, camera):
-        """Projected minus measured centres of the images (n, 2), px."""
-        return project_discs(camera, cam_from_hub, self.centers, self.radii)[0] - self.measured
+    pegs, parts = _pegs(centers, hub), _all_parts(observation, centers, hub)
+    parallel = _parallel_pose(camera.to_normalized(centers), hub)
+    near = descend(parallel, parts.centers, camera.to_normalized(parts.measured), NEAR)
+    try:
+        return fit_pose(approach(near, parts, camera, NEAR)[0], pegs, camera)
+    except ValueError as error:
+        raise CalibrationError(
+            "no pose puts the hub in front of the camera; check that its pegs are labelled clockwise on the screen"
+        ) from error
 
 
 def _pegs(centers, hub):
-    return _Discs(hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius), centers)
+    return Discs(hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius), centers)
 
 
 def _all_parts(observation, centers, hub):
@@ -192,7 +229,7 @@ def _all_parts(observation, centers, hub):
     bore = as_points([observation.bore_center], 2, "observation.bore_center")
     radii = [hub.peg_radius] * hub.n_pegs + [hub.screw_radius] * len(screws) + [hub.bore_radius]
     discs = np.vstack([hub.peg_centers, hub.screw_centers, hub.bore_center])
-    return _Discs(discs, np.array(radii), np.vstack([centers, screws, bore]))
+    return Discs(discs, np.array(radii), np.vstack([centers, screws, bore]))
 
 
 def _parallel_pose(normalized, hub):
@@ -202,62 +239,8 @@ def _parallel_pose(normalized, hub):
     if size == 0:
         raise CalibrationError("all pegs were measured in one place; check the observation")
     depth = np.linalg.norm(pegs - pegs.mean(axis=0)) / size
-    flat = _fit_in_plane(pegs, normalized * depth)
-    return RigidTransform.from_components([*flat.translation[:2], depth], flat.rotation)
-
-
-def _polish(pose, discs, camera):
-    """Least squares over six degrees of freedom; the shift of the images' centres is updated between the fits."""
-    try:
-        for _ in range(_POLISH_ROUNDS):
-            shift = discs.residuals(pose, camera) + discs.measured - camera.project(discs.centers, pose)
-            pose = _fit_directions(pose, discs.centers, camera.to_normalized(discs.measured - shift))
-        discs.residuals(pose, camera)
-    except ValueError as error:
-        raise CalibrationError(
-            "no pose puts the hub in front of the camera; check that its pegs are labelled clockwise on the screen"
-        ) from error
-    return pose
-
-
-def _left_jacobian(rotation_vector):
-    """J with exp(v + dv) = exp(J dv) exp(v) for rotation vectors v."""
-    angle = np.linalg.norm(rotation_vector)
-    cross = np.cross(np.eye(3), rotation_vector)  # [v]_x, antisymmetric
-    if angle < 1e-4:
-        return np.eye(3) + cross / 2 + cross @ cross / 6
-    return np.eye(3) + (1 - np.cos(angle)) / angle**2 * cross + (angle - np.sin(angle)) / angle**3 * cross @ cross
-
-
-def _fit_directions(start, points, normalized):
-    """Levenberg-Marquardt on x/z and y/z; steps turn about the origin and shift it by parts of its size."""
-    size = np.linalg.norm(points, axis=1).max()
-    turned = start.rotation.apply(points)
-
-    def moved(step):
-        shift = start.translation + size * step[3:]
-        return RigidTransform.from_components(shift, Rotation.from_rotvec(step[:3]) * start.rotation)
-
-    def residuals(step):
-        seen = Rotation.from_rotvec(step[:3]).apply(turned) + start.translation + size * step[3:]
-        return (seen[:, :2] / seen[:, 2:] - normalized).ravel()
-
-    def jacobian(step):
-        moved_by_turn = Rotation.from_rotvec(step[:3]).apply(turned)
-        seen = moved_by_turn + start.translation + size * step[3:]
-        by_turn = np.cross(_left_jacobian(step[:3]).T, moved_by_turn[:, None])  # (n, 3 parameters, 3 coordinates)
-        by_step = np.concatenate([by_turn, np.broadcast_to(size * np.eye(3), by_turn.shape)], axis=1)
-        over_depth = by_step[..., :2] - by_step[..., 2:] * (seen[:, :2] / seen[:, 2:])[:, None]
-        return (over_depth / seen[:, 2:, None]).swapaxes(1, 2).reshape(-1, 6)
-
-    limits = {"xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
-    return moved(least_squares(residuals, np.zeros(6), jacobian, method="lm", **limits).x)
-
-
-def _turn(rotation):
-    """Direction of a frame's x axis in the xy plane, rad in (-pi, pi]."""
-    matrix = rotation.as_matrix()
-    return float(np.arctan2(matrix[1, 0], matrix[0, 0]))
+    flat = _fit_flat(pegs, normalized * depth)
+    return Pose(flat.rotation, np.array([*flat.translation[:2], depth]))
 
 
 # ---- input ----
@@ -268,3 +251,14 @@ def _as_plane(plane):
     if as_pose(plane, "plane").inv().translation[2] >= 0:
         raise ValueError("plane is seen from below: its z axis has to point away from the camera")
     return plane
+
+
+def _noise(observation, count):
+    """Covariances (n, 2, 2) of the pegs' centres, px^2, or None where the observation tells none; infinite is allowed."""
+    for name, shape in (("peg_covariances", (count, 2, 2)), ("peg_sigmas", (count, 2))):
+        if getattr(observation, name, None) is not None:
+            stated = np.asarray(getattr(observation, name), np.float64)
+            if stated.shape != shape or np.isnan(stated).any():
+                raise ValueError(f"observation.{name} has shape {stated.shape}; expected {shape}, without NaN")
+            return stated if stated.ndim == 3 else np.where(np.eye(2, dtype=bool), stated[..., None] ** 2, 0.0)
+    return None

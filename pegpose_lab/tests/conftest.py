@@ -22,7 +22,7 @@ settings.load_profile("pegpose_lab")
 DIGITS = {
     "test_bundle", "test_calibration_files", "test_company", "test_genetic", "test_joint", "test_little_tilt",
     "test_many_views", "test_measured", "test_monte_carlo", "test_objective", "test_operators", "test_oracle", "test_pose",
-    "test_profile", "test_stages", "test_tsai", "test_unusable_views",
+    "test_pose_fit", "test_profile", "test_stages", "test_tsai", "test_unusable_views",
 }  # fmt: skip
 
 

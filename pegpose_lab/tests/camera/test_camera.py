@@ -131,6 +131,20 @@ def test_opencv_camera_is_opencv():
     assert camera.from_normalized(normalized) == pytest.approx(expected, abs=1e-7)
 
 
+@pytest.mark.parametrize("kappa1", [0.0, 1e-5, 5e-4, -1e-4])
+def test_derivative_of_the_image_by_the_direction(kappa1):
+    camera = replace(paper_camera(), kappa1=kappa1, scale_x=1.02)
+    directions = camera.to_normalized(pixel_grid(camera, 200))
+    points, derivative = camera.image_and_derivative(directions)
+    np.testing.assert_allclose(points, camera.from_normalized(directions), atol=1e-10)
+    for k, step in enumerate(1e-4 * np.eye(2)):
+        far, near = (
+            camera.from_normalized(directions + h * step) - camera.from_normalized(directions - h * step)
+            for h in (2, 1)
+        )
+        np.testing.assert_allclose(derivative[:, :, k], (8 * near - far) / 12e-4, atol=1e-5)
+
+
 def test_opencv_camera_inverts_strong_distortion_where_a_fixed_point_fails():
     camera = OpenCVCamera(
         np.diag([500.0, 500, 1]) + [[0, 0, 320], [0, 0, 240], [0, 0, 0]], [0.9, 0.5, 0, 0, 0], (640, 480)

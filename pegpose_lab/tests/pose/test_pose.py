@@ -71,6 +71,12 @@ def test_disc_images_are_exact():
         np.testing.assert_allclose(radii, [disc.radius for disc in truth], rtol=1e-5)
 
 
+def test_a_disc_seen_edge_on_is_refused():
+    edge_on = RigidTransform.from_components([0, 0, 300], Rotation.from_matrix([[1, 0, 0], [0, 0, -1], [0, 1, 0]]))
+    with pytest.raises(ValueError, match="seen edge-on"):
+        project_discs(CAMERA, edge_on, [[0.0, 0.0, 0.0]], [10.0])
+
+
 def test_image_of_a_disc_centre_is_not_the_centre_of_its_image():
     pose = EXPERIMENT.cam_from_hubs[0]
     shift = project_discs(CAMERA, pose, HUB.peg_centers, np.full(4, HUB.peg_radius))[0]
