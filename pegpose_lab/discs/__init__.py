@@ -1,8 +1,8 @@
 """Sub-pixel discs with a sigma for every number: `fit_discs`.
 
-`model` states the model and `measure` leads through the steps: `start`, `fit` on the pixels of a `ring`,
-`ground`, and a `refit` by `sectors` where the simple model fails.  A further model of the edge is one file
-here.
+`model` states the model, `measure` and `group` lead through the steps: `start`, `fit` on the pixels of a `ring`,
+`ground`, and a `refit` by `sectors` where the simple model fails; `correlation` and `spectrum` widen the sigmas
+where noise is not white.  `result` has what is returned.  A further model of the edge is one file here.
 
 The constants, with their units and what each is for.  data/measured/disc_constants.csv has what happens to errors and
 sigmas when one of them is halved or doubled; those marked * only lay out arrays.
@@ -16,8 +16,19 @@ SAME             px        two fits nowhere farther apart are of one disc
 REFIT_SIGMAS     sigmas    excess of the simple model's chi2 that calls for a refit by sectors
 MAX_STEPS        steps     after which a fit counts as not converging
 SMALL_STEP       px        a smaller step is the last: what remains is of its square
-MAX_RINGS        rings     a fit that moved by a pixel looks at a new ring once: starts off by a fifth need it
-RING             px        half width of the ring: three edge widths hold the whole edge, and clutter is farther
+MAX_RINGS        rings     a fit that moved by a pixel, or has a wider edge, looks at a new ring: starts off by a fifth need it
+FAR              px        residuals of a smoothed or demosaiced image no longer err together at this distance
+LEAST_RADIUS     px        smaller discs have too few pixels for sectors
+UNCERTAIN        px        sigma of a centre above which nothing was measured to a part of a pixel
+TEXTURED         noises    a disc of less contrast over noise that reaches far may be a part of a texture
+COARSE           contrast  a disc whose simple model misfits by more is not even measured in part
+REACH            px        longest distance at which pixels are taken to err together
+SIGNIFICANT      sigmas    of an autocorrelation, below which it counts as 0
+HIGHEST          per turn  angular frequency of the edge's displacements; higher ones say little about centre and shape
+FALL             1         exponent of these frequencies' weights
+PARTS            parts *   of an edge, enough for the highest frequency
+RING             px        least half width of the ring: three edge widths hold the whole edge, and clutter is farther
+RING_WIDTHS      widths    half width of the ring where that is more
 CHUNK            px *      pixels summed in float32 at a time, so that no sum depends on its company
 QUANTISATION     grey^2 *  variance of rounding to whole grey values
 GROUND           px        how far from the edge the even ground may help

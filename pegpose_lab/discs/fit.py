@@ -6,16 +6,21 @@ import numpy as np
 
 from .ellipse import _distance, _Ellipse, _inside, _limited, _movement
 from .model import QUANTISATION, _ingredients
-from .ring import CHUNK, _ring_pixels
+from .ring import CHUNK, _ring_pixels, _ring_width
 
 MAX_STEPS = 12
 SMALL_STEP = 0.05  # px, a step after which none is needed
-MAX_RINGS = 2
+MAX_RINGS = 3
+REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, that counts as significant
+FAR = 3  # px apart, residuals of a smoothed or demosaiced image no longer err together
 
 
 @dataclass
 class _Solution:
-    """Fits of the simple model, levels B and A, a row each; `normal` is for x, y, r, p, q, log s, B, A."""
+    """Fits of the simple model, levels B and A, a row each; `normal` is for x, y, r, p, q, log s, B, A.
+
+    `rough` is the noise of neighbouring pixels: smaller than `noise` where these err together.
+    """
 
     ellipse: _Ellipse
     log_s: np.ndarray
@@ -24,6 +29,7 @@ class _Solution:
     squares: np.ndarray
     count: np.ndarray
     noise: np.ndarray
+    rough: np.ndarray
     converged: np.ndarray
 
     def update(self, rows, other):
@@ -33,22 +39,23 @@ class _Solution:
 
 
 def _settle(image, ellipses):
-    """Fit, and fit again on a new ring where the ellipse moved by more than a pixel.
+    """Fit, and fit again on a new ring where the ellipse moved by more than a pixel or the edge is wider than the ring.
 
     Returns a `_Solution` with a row for each, and the reasons why there is none.
     """
     n = len(ellipses.r)
     ellipse, log_s, reasons = ellipses[np.arange(n)], np.full(n, np.log(1.2)), np.full(n, "", object)
     reasons[~_inside(ellipse, image.shape)] = "leaves the image"
-    solution = _Solution(ellipse, log_s, np.zeros((n, 2)), np.zeros((n, 8, 8)), *np.zeros((4, n)))
+    solution = _Solution(ellipse, log_s, np.zeros((n, 2)), np.zeros((n, 8, 8)), *np.zeros((5, n)))
     todo = np.flatnonzero(reasons == "")
     for _ in range(MAX_RINGS if len(todo) else 0):
-        found, singular = _least_squares(_ring_pixels(image, ellipse[todo]), ellipse[todo], log_s[todo])
+        widths = _ring_width(log_s[todo])
+        found, singular = _least_squares(_ring_pixels(image, ellipse[todo], widths), ellipse[todo], log_s[todo])
         moved = _distance(ellipse[todo], found.ellipse)
         solution.update(todo, found)
         reasons[todo[singular]] = "no edge"
         reasons[todo[~singular & ~_inside(found.ellipse, image.shape)]] = "leaves the image"
-        todo = todo[(moved >= 1) & (reasons[todo] == "")]
+        todo = todo[((moved >= 1) | (_ring_width(found.log_s) > widths + 1)) & (reasons[todo] == "")]
         if len(todo) == 0:
             return solution, reasons
     solution.converged[todo] = False
@@ -60,7 +67,10 @@ def _least_squares(pixels, ellipse, log_s):
     solution, residuals, singular = _gauss_newton(pixels, ellipse, log_s)
     solution.levels[:, 0] += pixels.level
     for i, m in enumerate(solution.count.astype(int)):
-        solution.squares[i], solution.noise[i] = _sum_of_squares(residuals[i, :m]), _residual_noise(residuals[i, :m])
+        solution.squares[i] = _sum_of_squares(residuals[i, :m])
+        solution.rough[i] = _residual_noise(residuals[i, :m], 1)
+        far = _residual_noise(residuals[i, :m], FAR)
+        solution.noise[i] = far if _exceeds(far**2, solution.rough[i], m) else solution.rough[i]
     return solution, singular
 
 
@@ -119,6 +129,7 @@ def _after_last_step(solution, step, gain):
         np.maximum(solution.squares - gain, 0),
         solution.count,
         solution.noise,
+        solution.rough,
         solution.converged,
     )
 
@@ -139,8 +150,8 @@ def _solve_rows(parts, ellipse, log_s, count):
     scale = np.where(np.arange(8) < 6, contrast[:, None], 1.0)
     normal, gradient = moments[:, :8, :8] * (scale[:, :, None] * scale[:, None, :]), against[:, :8] * scale
     step, bad = _solve_scaled(normal, gradient)
-    levels, unknown = np.stack([level, contrast], axis=1), np.zeros(len(count))
-    solution = _Solution(ellipse, log_s, levels, normal, squares, count, unknown, unknown.copy())
+    levels, unknown = np.stack([level, contrast], axis=1), np.zeros((3, len(count)))
+    solution = _Solution(ellipse, log_s, levels, normal, squares, count, *unknown)
     return solution, combination, scale, step, (step * gradient).sum(axis=1), bad
 
 
@@ -148,14 +159,14 @@ def _sum_of_squares(residuals):
     return float(np.square(residuals, dtype=float).sum())
 
 
-def _residual_noise(residuals):
-    """Standard deviation of the noise, from the differences of neighbouring residuals (m,) of one disc.
+def _residual_noise(residuals, apart):
+    """Standard deviation of the noise, from the differences of residuals (m,) of one disc that are some pixels apart.
 
     Differences larger than 3.5 standard deviations (first by their median) are left out: edges that the model
     does not describe.
     """
-    difference = np.abs(np.diff(residuals))
-    middle = len(residuals) // 2
+    difference = np.abs(residuals[apart:] - residuals[:-apart])
+    middle = len(difference) // 2
     limit = 3.5 * max(1.4826 * float(np.partition(difference, middle)[middle]), 0.7)
     difference = difference[difference < limit]
     return np.sqrt(max(_sum_of_squares(difference) / max(2 * len(difference), 1), QUANTISATION))
@@ -166,7 +177,9 @@ def _variance(solution):
     return np.maximum(solution.squares / np.maximum(solution.count - 8, 1), QUANTISATION)
 
 
-# -------------------------------------------------------------------------------------------------- sectors
+def _exceeds(variance, noise, count):
+    """Whether variances (n,) of `count` residuals are significantly above that of the noise."""
+    return variance > (1 + REFIT_SIGMAS / np.sqrt(np.maximum(count, 1))) * noise**2
 
 
 def _solve_scaled(normal, gradient):

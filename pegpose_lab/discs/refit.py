@@ -12,10 +12,13 @@ from .sectors import (
     _common_normal,
     _directions,
     _own_levels,
+    _radial_scores,
     _same_chi2,
     _sector_equations,
     _sector_moments,
+    _weighted_sum,
 )
+from .spectrum import _excess
 
 NEAR, NEAR_CHI2 = 0.7, 5.0  # a refit starts from the simple fit if that is so near (px) and so good
 SECTOR_SIGMAS, OWN_EXCESS = 4.0, 14.0  # when a sector gets levels of its own, see `_refit`
@@ -92,7 +95,15 @@ def _refit(shape, sectors, contrast, noise):
             chi2 = np.where(own, free.chi2, shared)
             known = np.where(own, 0, np.maximum(chi2, tolerated[:, None]))
             middle = _common_normal(moments, levels, around, known)[:, :12, :12] + held[:, :, None] * np.eye(12)
-            _state(result, last, normal, middle, scores, noise)
+            alone = weights**2 * free.contrast**2 * chi2 * own
+            middle = (
+                middle * noise[:, None, None] ** 2,
+                _weighted_sum(alone, free.left)[:, :6, :6] * noise[:, None, None] ** 2,
+            )
+            displaced, slopes = _radial_scores(moments, levels, around, free, own, weights)
+            information = slopes * np.where(own, weights**2 * chi2, known) * noise[:, None] ** 2
+            excess = _excess(displaced, information)
+            _state(result, last, normal, middle, scores, excess)
             usual = np.average(chi2, axis=1, weights=np.maximum(weights * count, 1e-9))
             result.variance[last] = (noise**2 * usual)[last]
         active &= ~last & (result.reasons == "")
@@ -103,18 +114,24 @@ def _refit(shape, sectors, contrast, noise):
     return result
 
 
-def _state(result, rows, normal, middle, scores, noise):
+def _state(result, rows, normal, middle, scores, excess):
     """Set the covariance in some rows.
 
     Sectors with the common levels contribute what noise explains, those with their own (`scores`) what they show:
-    what the model does not describe counts once for BLOCK neighbours, not for each pixel.
+    what the model does not describe counts once for BLOCK neighbours, not for each pixel.  The other estimate takes
+    what noise explains of both (`middle`) times the `excess` of the edge's displacements; the larger one is stated.
     """
     k = scores.shape[1]
     blocks = scores[rows, : k // BLOCK * BLOCK].reshape(-1, k // BLOCK, BLOCK, 6).sum(axis=2)
-    middle = middle[rows] * noise[rows, None, None] ** 2
-    middle[:, :6, :6] += blocks.swapaxes(1, 2) @ blocks * ((k / BLOCK) / (k / BLOCK - 6))
     bread = np.linalg.inv(normal[rows])
-    result.covariance[rows] = (bread @ middle @ bread)[:, :5, :5]
+    white = middle[0][rows]
+    white[:, :6, :6] += middle[1][rows]
+    displaced = (bread @ white @ bread)[:, :5, :5] * excess[rows, None, None]
+    shown = middle[0][rows]
+    shown[:, :6, :6] += blocks.swapaxes(1, 2) @ blocks * ((k / BLOCK) / (k / BLOCK - 6))
+    shown = (bread @ shown @ bread)[:, :5, :5]
+    ratio = np.trace(displaced[:, :2, :2], axis1=1, axis2=2) / np.trace(shown[:, :2, :2], axis1=1, axis2=2)
+    result.covariance[rows] = shown * np.maximum(ratio, 1)[:, None, None]
 
 
 def _share_that_fits(free, limit, contrast):

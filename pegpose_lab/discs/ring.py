@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-RING = 6.0  # px on either side of the edge that take part in the fit
+RING = 6.0  # px on either side of the edge that take part in the fit, at least
+RING_WIDTHS = 3.0  # edge widths s that do
 CHUNK = 256  # pixels that are summed in float32: no sum depends on how far a disc's row is filled up
 
 
@@ -27,9 +28,14 @@ class _Pixels:
         return _Pixels(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
-def _ring_pixels(image, ellipses):
-    """The pixels within about RING px of the ellipses."""
-    rings = [_ring_indices(ellipses[i], image.shape) for i in range(len(ellipses.r))]
+def _ring_width(log_s):
+    """How far (px) from an edge of width s the ring reaches on either side."""
+    return np.maximum(RING, RING_WIDTHS * np.exp(log_s))
+
+
+def _ring_pixels(image, ellipses, widths):
+    """The pixels within about `widths` (n,) px of the ellipses."""
+    rings = [_ring_indices(ellipses[i], image.shape, widths[i]) for i in range(len(ellipses.r))]
     origin, level = np.rint(np.stack([ellipses.x, ellipses.y], axis=1)), np.zeros(len(rings))
     longest = max(max(len(ring[0]) for ring in rings), 1)
     x, y, values, used = np.zeros((4, len(rings), -(-longest // CHUNK) * CHUNK), np.float32)
@@ -44,12 +50,12 @@ def _ring_pixels(image, ellipses):
     return _Pixels(origin, x, y, values, used, level)
 
 
-def _ring_indices(ellipse, shape):
-    """Columns and rows of the pixels between the ellipses with semi-axes longer and shorter by RING px."""
+def _ring_indices(ellipse, shape, width=RING):
+    """Columns and rows of the pixels between the ellipses with semi-axes longer and shorter by `width` px."""
     (a, b), cos, sin = ellipse.axes, np.cos(ellipse.angle), np.sin(ellipse.angle)
-    half = np.hypot((a + RING) * sin, (b + RING) * cos)
+    half = np.hypot((a + width) * sin, (b + width) * cos)
     rows = np.arange(max(int(np.ceil(ellipse.y - half)), 0), min(int(ellipse.y + half), shape[0] - 1) + 1)
-    outer, inner = ((max(a + d, 0.1), max(b + d, 0.1)) for d in (RING, -RING))
+    outer, inner = ((max(a + d, 0.1), max(b + d, 0.1)) for d in (width, -width))
     middle, reach = _spans(rows - ellipse.y, *outer, cos, sin)
     first = np.maximum(np.ceil(ellipse.x + middle - reach), 0)
     end = np.minimum(np.floor(ellipse.x + middle + reach) + 1, shape[1])

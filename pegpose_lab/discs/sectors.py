@@ -11,6 +11,7 @@ from .ring import _Pixels, _ring_indices
 N_SECTORS = np.array([24, 36, 48, 60, 78, 96])  # sectors of a refit, multiples of BLOCK
 SECTOR_ROW, LONGER_ROW = 72, 12  # pixels to which the rows of sectors are filled up, and further where there are more
 SECTOR_LENGTH = 5.0  # px along the edge, about
+LEAST_RADIUS = 9.5  # px, of a disc that is fitted by sectors: the fewest there are have 2.5 px of its edge each
 
 
 # -------------------------------------------------------------------------------------------------- sectors
@@ -72,6 +73,15 @@ def _sector_equations(moments, levels, around, held, free, own, weights):
     normal[:, :6, :6] += _weighted_sum(alone * free.contrast**2, free.left)[:, :6, :6]
     normal[:, :6, 12] += scores.sum(axis=1)
     return normal[:, :12, :12], normal[:, :12, 12], scores
+
+
+def _radial_scores(moments, levels, around, free, own, weights):
+    """Each sector's derivative (n, k) of half the sum of squares by the radius, and its square's expectation (n, k) for
+    unit noise and weight."""
+    level, contrast = ((part[:, None] @ around)[:, 0] for part in (levels[:, :3], levels[:, 3:]))
+    common = contrast * (moments[:, :, 2, 8] - level * moments[:, :, 2, 6] - contrast * moments[:, :, 2, 7])
+    scores = np.where(own, weights * free.contrast * free.left[:, :, 2, 6], common)
+    return scores, np.where(own, free.contrast**2 * free.left[:, :, 2, 2], contrast**2 * moments[:, :, 2, 2])
 
 
 @dataclass

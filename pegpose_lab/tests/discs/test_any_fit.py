@@ -6,12 +6,12 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pegpose_lab.discs import fit_discs, measure
+from pegpose_lab.discs import Discs, fit_discs
 from pegpose_lab.discs.reasons import REASONS
 from pegpose_lab.tests.discs.stacks import _circles
 from pegpose_lab.tests.pictures import SEEDS, scenes
 
-NAMES = tuple(measure.Discs.__dataclass_fields__)
+NAMES = tuple(Discs.__dataclass_fields__)
 
 
 def _random_starts(scene, seed, arbitrary):
@@ -31,9 +31,11 @@ def _assert_discs(discs, shape, circles):
     shapes = {"centers": (n, 2), "semi_axes": (n, 2), "sigmas": (n, 5), "covariance": (n, 5, 5)}
     for name in NAMES:
         assert getattr(discs, name).shape == shapes.get(name, (n,))
-        assert getattr(discs, name).dtype.kind == {"accepted": "b", "reasons": "U"}.get(name, "f")
+        assert getattr(discs, name).dtype.kind == {"states": "U", "reasons": "U"}.get(name, "f")
     assert len(discs) == n and set(discs.reasons) <= {*REASONS, ""}
+    assert set(discs.states) <= {"measured", "partial", "rejected"}
     np.testing.assert_array_equal(discs.accepted, discs.reasons == "")
+    np.testing.assert_array_equal(discs.usable, discs.states != "rejected")
     for name in ("centers", "semi_axes", "angles", "contrasts", "blurs", "noises", "radii"):
         assert np.isfinite(getattr(discs, name)).all()
     major, minor = discs.semi_axes.T
@@ -51,7 +53,7 @@ def _assert_sigmas(discs):
     assert (discs.sigmas > 0).all() and not np.isnan(discs.covariance).any()
     np.testing.assert_allclose(np.sqrt(np.diagonal(discs.covariance, axis1=1, axis2=2)), discs.sigmas)
     fitted = np.isfinite(discs.sigmas).all(axis=1)
-    assert fitted[discs.accepted].all() and np.isinf(discs.sigmas[~fitted]).all()
+    assert fitted[discs.usable].all() and np.isinf(discs.sigmas[~fitted]).all()
     assert (discs.sigmas[fitted, 4] <= np.pi / np.sqrt(12) + 1e-9).all()
     scaled = discs.covariance[fitted] / (discs.sigmas[fitted, :, None] * discs.sigmas[fitted, None])
     np.testing.assert_allclose(scaled, scaled.swapaxes(1, 2), atol=1e-6)

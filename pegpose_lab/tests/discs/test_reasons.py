@@ -33,4 +33,4 @@ def test_every_reason_that_is_given_is_in_the_vocabulary():
 
 def test_every_reason_is_explained():
     source = Path(reasons.__file__).read_text(encoding="utf-8")
-    assert re.findall(r"^(\w[\w ]*?)  +\w", source, re.MULTILINE) == list(reasons.REASONS)
+    assert re.findall(r"^(\w[\w ]*?)  +(?:\* )?\w", source, re.MULTILINE) == list(reasons.REASONS)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pegpose_lab.discs import fit_discs, ground, measure
+from pegpose_lab.discs import fit, fit_discs, ground
 from pegpose_lab.tests.discs.stacks import SHAPE, R, _circles, _measure, _near, _stack, _truth
 from pegpose_lab.tests.pictures import center_bound, draw_ellipses, to_uint8
 
@@ -29,7 +29,7 @@ def test_side_walls_are_fitted_by_sectors(monkeypatch):
 
     rms, scaled, discs = rms_and_scaled()
     assert discs.accepted.all() and rms < 0.03 and scaled < 1.5
-    monkeypatch.setattr(measure, "REFIT_SIGMAS", np.inf)
+    monkeypatch.setattr(fit, "REFIT_SIGMAS", np.inf)
     monkeypatch.setattr(ground, "GROUND_SIGMAS", np.inf)
     assert rms_and_scaled()[0] > 5 * rms
 
@@ -58,7 +58,7 @@ def test_an_arc_is_enough_and_too_short_an_arc_is_refused():
 
 
 def test_sectors_cost_little_where_nothing_is_wrong(monkeypatch):
-    monkeypatch.setattr(measure, "REFIT_SIGMAS", -1e9)
+    monkeypatch.setattr(fit, "REFIT_SIGMAS", -1e9)
     truth, discs = _measure(5, pictures=6)
     errors = _stack(discs, "centers") - truth[:, :2]
     assert np.sqrt((errors**2).mean()) < 1.3 * center_bound(R, 100, 0.9, 5)
