@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from scipy.special import bdtrc
 
 from .request import _least_score
 
@@ -11,6 +12,7 @@ LEAST_VOTES, LEAST_QUALITY = 0.25, 1.0  # of a candidate
 ALIGNED = 0.8  # cosine of the largest angle between an edge's gradient and the direction of the centre
 BAND = 0.2  # part of the radius by which an ellipse's edge may depart from a circle
 SECTORS = 24
+FALSE_ALARMS = 1.0  # circles expected in an image of nothing but such edges: a candidate that is no rarer is dropped
 
 
 # ----------------------------------------------------------------------------------------------- multiscale
@@ -18,13 +20,16 @@ SECTORS = 24
 
 @dataclass(frozen=True)
 class _Near:
-    """Edge points around peaks: index of the peak, place relative to it, distance; peaks (n, 2)."""
+    """Edge points within `reach` of peaks: index of the peak, place relative to it, distance; peaks (n, 2), and the
+    number of `places` where one could be."""
 
     peaks: np.ndarray
     index: np.ndarray
     x: np.ndarray
     y: np.ndarray
     distance: np.ndarray
+    reach: float
+    places: int
 
 
 def _edges_near(edges, peaks, reach):
@@ -40,7 +45,7 @@ def _edges_near(edges, peaks, reach):
     x, y = edges.x[point] - peaks[index, 0], edges.y[point] - peaks[index, 1]
     distance = np.maximum(np.sqrt(x * x + y * y), 1e-6)
     keep = (x * edges.ux[point] + y * edges.uy[point] < -ALIGNED * distance) & (distance <= reach)
-    return _Near(peaks, index[keep], x[keep], y[keep], distance[keep])
+    return _Near(peaks, index[keep], x[keep], y[keep], distance[keep], reach, edges.mask.size)
 
 
 def _best_radii(near, radii):
@@ -92,9 +97,23 @@ def _fit_outlines(near, peak, radius, request):
     sectors = candidate * SECTORS + _sector(cos[candidate, place], sin[candidate, place])
     score = (np.bincount(sectors, minlength=len(peak) * SECTORS).reshape(-1, SECTORS) > 0).sum(axis=1) / SECTORS
     r, x, y, p, q = solution[:, :, 0].T
-    good = (np.hypot(x, y) < 0.5 * radius + 2) & (np.hypot(p, q) < 0.3 * radius)
+    band = np.maximum(0.1 * radius, 1)
+    chance = _by_chance(score, used.sum(axis=1), np.bincount(candidate, minlength=len(peak)), radius, band, near.reach)
+    good = chance * near.places * radius <= FALSE_ALARMS
+    good &= (np.hypot(x, y) < 0.5 * radius + 2) & (np.hypot(p, q) < 0.3 * radius)
     good &= (np.abs(r - radius) < BAND * radius + 1) & (score >= _least_score(request))
     return np.stack([near.peaks[peak, 0] + x, near.peaks[peak, 1] + y, r, score], axis=1)[good]
+
+
+def _by_chance(score, points, inside, radius, band, reach):
+    """Probability (n,) that as many sectors of an outline have an edge point if these lay anywhere around it.
+
+    How dense they lie follows from those off the outline, so that on texture many sectors are needed.
+    """
+    along = 4 * np.pi * radius * band  # px^2 of the outline
+    density = (points - inside + 1) / np.maximum(np.pi * reach**2 - along, 1)
+    occupied = -np.expm1(-density * along / SECTORS)
+    return bdtrc(np.rint(score * SECTORS) - 1, SECTORS, occupied)
 
 
 _HOLD = np.diag([1e-3, 0.5, 0.5, 1.0, 1.0])  # keeps centre and shape fixed where there are few points

@@ -17,6 +17,7 @@ REFIT_SIGMAS     sigmas    excess of the simple model's chi2 that calls for a re
 MAX_STEPS        steps     after which a fit counts as not converging
 SMALL_STEP       px        a smaller step is the last: what remains is of its square
 MAX_RINGS        rings     a fit that moved by a pixel, or has a wider edge, looks at a new ring: starts off by a fifth need it
+WIDE_CHI2        1         chi2 of a wide edge: what disturbs an edge makes it wide, too, but does not fit
 FAR              px        residuals of a smoothed or demosaiced image no longer err together at this distance
 LEAST_RADIUS     px        smaller discs have too few pixels for sectors
 UNCERTAIN        px        sigma of a centre above which nothing was measured to a part of a pixel

@@ -6,12 +6,13 @@ import numpy as np
 
 from .ellipse import _distance, _Ellipse, _inside, _limited, _movement
 from .model import QUANTISATION, _ingredients
-from .ring import CHUNK, _ring_pixels, _ring_width
+from .ring import CHUNK, RING, _ring_pixels, _ring_width
 
 MAX_STEPS = 12
 SMALL_STEP = 0.05  # px, a step after which none is needed
 MAX_RINGS = 3
 REFIT_SIGMAS = 5.0  # excess of the simple model's chi2, in standard deviations, that counts as significant
+WIDE_CHI2 = 2.0  # of a wide edge
 FAR = 3  # px apart, residuals of a smoothed or demosaiced image no longer err together
 
 
@@ -55,11 +56,18 @@ def _settle(image, ellipses):
         solution.update(todo, found)
         reasons[todo[singular]] = "no edge"
         reasons[todo[~singular & ~_inside(found.ellipse, image.shape)]] = "leaves the image"
-        todo = todo[((moved >= 1) | (_ring_width(found.log_s) > widths + 1)) & (reasons[todo] == "")]
+        todo = todo[
+            ((moved >= 1) | (_is_wide(found) & (_ring_width(found.log_s) > widths + 1))) & (reasons[todo] == "")
+        ]
         if len(todo) == 0:
             return solution, reasons
     solution.converged[todo] = False
     return solution, reasons
+
+
+def _is_wide(solution):
+    """Whether edges reach beyond the usual ring: what disturbs an edge makes it wide, too, but does not fit."""
+    return (_ring_width(solution.log_s) > RING) & (_variance(solution) < WIDE_CHI2 * solution.noise**2)
 
 
 def _least_squares(pixels, ellipse, log_s):

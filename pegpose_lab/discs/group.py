@@ -6,11 +6,10 @@ import numpy as np
 
 from .correlation import _correlated_covariance
 from .ellipse import _distance, _Ellipse
-from .fit import _exceeds, _settle, _variance
+from .fit import _exceeds, _is_wide, _settle, _variance
 from .ground import _use_ground
 from .refit import NEAR, NEAR_CHI2, _refit
 from .result import _Fit, _to_axes
-from .ring import RING, _ring_width
 from .sectors import LEAST_RADIUS, _sectors
 
 UNCERTAIN = 0.25  # px, sigma of a centre above which nothing was measured to a part of a pixel
@@ -57,7 +56,7 @@ def _simple(image, solution, reasons, seen):
     variance, covariance = _variance(solution), np.zeros((len(reasons), 5, 5))
     covariance[fitted] = np.linalg.inv(solution.normal[fitted])[:, :5, :5] * variance[fitted, None, None]
     # Small discs have too few pixels for sectors, wide edges leave their ring: there, misfit widens the sigmas and no more.
-    whole = (solution.ellipse.r < LEAST_RADIUS) | (_ring_width(solution.log_s) > RING)
+    whole = (solution.ellipse.r < LEAST_RADIUS) | _is_wide(solution)
     simple |= fitted & whole & solution.converged.astype(bool)
     partly = np.zeros(len(reasons), bool)
     _widen(image, solution, covariance, np.flatnonzero(simple))

@@ -88,14 +88,19 @@ def test_white_displacements_have_no_excess_and_slow_ones_do():
     assert spectrum._excess(lost, information).mean() == pytest.approx(1, abs=0.05)
 
 
-def test_a_disc_in_texture_is_measured_in_part_only():
-    rng = np.random.default_rng(5)
-    texture = cv2.GaussianBlur(rng.normal(size=(200, 200)), (0, 0), 3.0)
-    image = draw_ellipses((200, 200), np.array([[100.3, 99.6, 30.0, 30.0, 0.0]]), background=100.0, level=112.0)
-    image = image + 12 * texture / texture.std() + rng.normal(0, 1, image.shape)
-    discs = fit_discs(_eight_bits(image), _circles([(100, 100)], [30]))
-    assert discs.usable.all() and not discs.accepted.any()
-    assert np.hypot(*(discs.centers[0] - (100.3, 99.6))) < 4 * np.hypot(*discs.sigmas[0, :2])
+def test_a_disc_that_differs_little_from_a_texture_is_measured_in_part_only():
+    usable = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        texture = cv2.GaussianBlur(rng.normal(size=(200, 200)), (0, 0), 3.0)
+        image = draw_ellipses((200, 200), [[100.3, 99.6, 30.0, 30.0, 0.0]], background=100.0, level=110.0)
+        image = image + 10 * texture / texture.std() + rng.normal(0, 1, image.shape)
+        discs = fit_discs(_eight_bits(image), _circles([(100, 100)], [30]))
+        assert not (discs.accepted & (np.abs(discs.contrasts) < 3 * discs.noises)).any()
+        usable += discs.usable.sum()
+        off = np.abs(discs.centers - (100.3, 99.6)) / discs.sigmas[:, :2]
+        assert (off[discs.usable] < 5).all()
+    assert usable >= 6
 
 
 def test_a_middle_is_never_below_that_of_white_noise():
