@@ -26,6 +26,7 @@ COARSE           contrast  a disc whose simple model misfits by more is not even
 REACH            px        longest distance at which pixels are taken to err together
 SIGNIFICANT      sigmas    of an autocorrelation, below which it counts as 0
 HIGHEST          per turn  angular frequency of the edge's displacements; higher ones say little about centre and shape
+RISE             1         exponent that takes the excess at these frequencies to that at the lowest
 FALL             1         exponent of these frequencies' weights
 PARTS            parts *   of an edge, enough for the highest frequency
 RING             px        least half width of the ring: three edge widths hold the whole edge, and clutter is farther

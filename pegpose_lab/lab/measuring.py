@@ -31,6 +31,9 @@ MEASUREMENTS = {
     "screw_bits": Measurement("study.write_screw_bits", ("screw_bits",), "1 s", ("screws4-a",)),
     "segmented_parts": Measurement("study.write_parts", ("segmented_parts",), "1 s", ("skimage-coins",)),
     "visp_circles_centers": Measurement("study.write_grid", ("visp_circles_centers",), "2 s", ("visp_circles",)),
+    "disc_pulls": Measurement(
+        "study.write_disc_pulls", ("disc_pulls",), "20 s", ("discocal-left", "robot-dots-10x10", "open3dv-dots")
+    ),
     "opencv_left_corners": Measurement(
         "study.write_left_corners", ("opencv_left_corners",), "4 s", ("opencv_left",)
     ),

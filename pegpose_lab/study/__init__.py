@@ -7,6 +7,7 @@ one line in the table `calibration.CALIBRATION_METHODS`; a rival of the genetic 
 from .baselines import DIFFERENTIAL_EVOLUTION, GENETIC, compare, search
 from .circle_counts import write_circle_counts, write_screw_bits
 from .datasets import dataset
+from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
 from .ga_success import REACHED, VARIANTS, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
@@ -45,6 +46,7 @@ __all__ = [
     "trial_poses",
     "trial_sets",
     "write_circle_counts",
+    "write_disc_pulls",
     "write_grid",
     "write_left_corners",
     "write_measured",

@@ -47,9 +47,9 @@ def count_circles() -> tuple[DataFrame, DataFrame]:
     -------
     counts : DataFrame
         A row for each picture: dataset, picture, r_min, r_max, polarity; known: how many discs there are; found:
-        how many of them; false: circles that fit none, those that are off, too; measured: how many of those found
-        `fit_discs` accepts, which models an even disc on even ground and says of every other why not; rim: the mean
-        `rim_share` of those found.
+        how many of them; false: circles that fit none, those that are off, too; measured, partial: how many of those
+        found are so for `fit_discs`; false_measured: how many of the false ones it measures; rim: the mean `rim_share`
+        of those found.
     missed : DataFrame
         A row for each disc that is not found: dataset, picture, x, y, r (px), its rim's share, and `why`:
 
@@ -75,15 +75,30 @@ def count_circles() -> tuple[DataFrame, DataFrame]:
             known = known[["x", "y", "r"]].to_numpy(float)
             match = _match(circles, known)
             there, found = match >= 0, match[match >= 0]
-            accepted = int(fit_discs(image, circles).accepted[found].sum())
+            states = fit_discs(image, circles).states
+            measured, partial = (int((states[found] == state).sum()) for state in ("measured", "partial"))
+            wrong = int((np.delete(states, found) == "measured").sum())
             shares = [rim_share(image, *place, polarity) for place in known]
             rim = np.mean(shares, where=there) if there.any() else np.nan
-            number = len(known), len(found), len(circles) - len(found), accepted, np.round(rim, 3)
+            number = len(known), len(found), len(circles) - len(found), measured, partial, wrong, np.round(rim, 3)
             counts.append((name, path.name, *radii, polarity, *number))
             for i in np.flatnonzero(~there):
                 why = _why(image, known[i], radii, polarity, circles)
                 missed.append((name, path.name, *known[i], shares[i], why))
-    columns = ["dataset", "picture", "r_min", "r_max", "polarity", "known", "found", "false", "measured", "rim"]
+    columns = [
+        "dataset",
+        "picture",
+        "r_min",
+        "r_max",
+        "polarity",
+        "known",
+        "found",
+        "false",
+        "measured",
+        "partial",
+        "false_measured",
+        "rim",
+    ]
     missed = pd.DataFrame(missed, columns=["dataset", "picture", "x", "y", "r", "rim", "why"])
     return pd.DataFrame(counts, columns=columns), missed
 
