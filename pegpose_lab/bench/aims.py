@@ -38,6 +38,8 @@ def judge(
         if scene in _LIMITS:
             rows += _error_targets(cells[cells["noise"] == TARGET_NOISE].iloc[0], *_LIMITS[scene])
         rows += _honesty_targets(scene, cells)
+        if scene == "strangers":
+            rows.append((scene, "false positives per frame", np.nan, 0.0, cells["false_positives"].max()))
     worst = ours.loc[ours["scene"] == "clean", "center"].max()
     rows.append(("clean", "centre / bound, worst noise", np.nan, 1.1, worst))
     memory = methods.set_index("method").loc[peers.OURS, "memory_mb"]

@@ -35,7 +35,7 @@ class Plan:
 
 
 FULL = Plan(
-    dict.fromkeys(MAIN, (200, (1, 2, 5, 10))) | dict.fromkeys(OTHER, (50, (TARGET_NOISE,))),
+    dict.fromkeys(MAIN, (200, (1, 2, 5, 10))) | dict.fromkeys(OTHER, (100, (TARGET_NOISE,))),
     (0.5, 1, 2, 5, 10, 20),
     (5, 13, 25, 50, 100, 200),
     10,

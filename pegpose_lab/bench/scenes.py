@@ -13,6 +13,7 @@ from .. import paper
 from ..render import HubLook, TrueDisc, disc_outline, render_hub, true_disc
 from ..targets import Hub
 from .bounds import _arc_shape, _clean_edge
+from .strangers import lay_strangers
 
 if TYPE_CHECKING:
     from ..camera import TsaiCamera
@@ -36,6 +37,7 @@ class Scene:
     look: HubLook = UNIFORM
     highlights: float = 0.0
     clutter: int = 0
+    strangers: bool = False  # lie between the discs, see `lay_strangers`
 
 
 TILTED = (10.0, 12.0)
@@ -50,6 +52,9 @@ SCENES = {
     ),
     Scene("harder", TILTED, highlights=80.0, clutter=55): (
         "clutter, with spots of 80 grey values and 55 pieces of swarf"
+    ),
+    Scene("strangers", TILTED, highlights=40.0, clutter=28, strangers=True): (
+        "clutter, with discs of other sizes (radius 34 and 66 px), squares as wide as pegs, and bars behind them"
     ),
     Scene("default look", TILTED, HubLook()): ("tilt, with turning marks, shading and darker side walls; nothing else"),
 }
@@ -117,6 +122,10 @@ def draw_frame(scene: Scene, number: int, camera: TsaiCamera | None = None) -> F
         discs.append(Disc(true_disc(camera, pose, center, HUB.peg_radius), peg, visible, arc))
     others = [(HUB.bore_center, HUB.bore_radius), *((center, HUB.screw_radius) for center in HUB.screw_centers)]
     discs += [Disc(true_disc(camera, pose, *other), 0) for other in others]
+    if scene.strangers:
+        picture = lay_strangers(
+            picture, [disc.truth for disc in discs], (scene.look.base / 2, scene.look.peg), blur, rng
+        )
     return Frame(picture, discs, contrast, width)
 
 
