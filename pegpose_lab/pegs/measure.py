@@ -15,7 +15,9 @@ SHAPE_TOLERANCE = 0.03  # of a peg's semi-axes, against what the other pegs' pla
 
 @dataclass(frozen=True, eq=False)
 class PegObservation:
-    """The parts of a hub in one image; rows in label order.
+    """The parts of a hub, or of a ring of a `RingPattern`, in one image; rows in label order.
+
+    Of a ring without bore, `bore_center` is the image of the ring's middle, with radius 0; the screws are its marks.
 
     Attributes
     ----------
@@ -34,7 +36,25 @@ class PegObservation:
     flags : tuple of Flag
         A sentence with a code for the bore and each screw that was found but could not be measured, "screw 2: edge
         hidden" (the reasons are those of `fit_discs`, or "no disc there").  Centre and radius are then those of the
-        Hough transform (accurate to a pixel or two), the sigmas infinite.  Pegs are always measured.
+        Hough transform (accurate to a pixel or two), the sigmas infinite.  A hub's pegs are always measured; of a ring
+        there may be more flags, see `Flag`.
+    peg_covariances : (n_pegs, 2, 2) ndarray
+        Of `peg_centers`, px^2; infinite for a missing one, whose centre is where the others have it.
+    states : tuple of str
+        "measured"; "partial": part of the rim is seen, and the ring gives the shape; "missing": the place is empty;
+        "contradicted": there is a rim, but not that of a disc of this ring, and the covariance covers both.
+    visible : (n_pegs,) ndarray
+        Part of each rim that is seen, 0 to 1.
+    homography : (3, 3) ndarray
+        From the plane of the pegs (x, y in mm, or the pattern's unit) to the image.
+    residual, residual_over_sigma : float
+        Rms distance of the rims from the images of equal discs in one plane, px, and its ratio to what is left if each
+        disc has an ellipse of its own; 0 for a hub, whose discs are fitted one by one.
+    labelled_by : {"mark", "previous frame", "nothing"}
+    turns : (m, n_pegs) ndarray of int
+        The labellings that remain possible: ``peg_centers[turn]``; the first changes nothing.
+    rivals : tuple of (3, 3) ndarray
+        Homographies of other rings that fit the pattern nearly as well.
 
     Examples
     --------
@@ -60,6 +80,15 @@ class PegObservation:
     bore_radius: float
     bore_sigma: np.ndarray
     flags: tuple[Flag, ...] = ()
+    peg_covariances: np.ndarray | None = None
+    states: tuple[str, ...] = ()
+    visible: np.ndarray | None = None
+    homography: np.ndarray | None = None
+    residual: float = 0.0
+    residual_over_sigma: float = 0.0
+    labelled_by: str = "nothing"
+    turns: np.ndarray | None = None
+    rivals: tuple[np.ndarray, ...] = ()
 
 
 # ---- measuring ----

@@ -11,8 +11,8 @@ from pegpose_lab.files import PROJECT_FOLDER
 
 PACKAGE = PROJECT_FOLDER / "pegpose_lab"
 FACES = (
-    "calibration", "camera", "circles", "corners", "discs", "pegs", "pose", "render", "segmentation", "targets", "paper",
-    "study",
+    "calibration", "camera", "circles", "corners", "discs", "patterns", "pegs", "pose", "render", "segmentation", "targets",
+    "paper", "study",
 )  # fmt: skip
 TOO_LONG = {"study.compare", "study.dataset", "study.load_rendered_trials"}
 """Names without an example: `compare` takes long, `dataset` needs photographs, the third's file has no room for it."""
