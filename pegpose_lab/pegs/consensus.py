@@ -6,8 +6,11 @@ import numpy as np
 LIKE_SIZE = 1.45  # ratio of radii of two seeds of one ring: perspective, and competing edges of one disc
 PROPORTION = 1.6  # ratio of the discs' radius in the picture to what pattern and distance of two seeds make of it
 LOOSE, CLOSER, TIGHT = 0.16, 0.12, 0.08  # of the pitch radius: how near a seed lies to a place, step by step
-PERSPECTIVE = 0.15  # standard deviation of the vanishing line's coefficients, per pitch radius
-STIFF = 0.02  # weight of the map before, against that of a seed: few seeds do not determine eight coefficients
+SEED_OFF = 0.03  # of the pitch radius: distance of a seed from its place
+SEED_SIZE = 0.12  # of a seed's radius
+PRIOR = np.array([20, 20, 20, 20, 20, 20, 1 / 0.2**2, 1 / 0.2**2, 1 / 0.15**2], float)
+"""What is known of a step: A and b less than 0.2, the vanishing line's coefficients about 0.2 per pitch radius, and the
+radius 15 %."""
 MOST_PAIRS = 400_000  # hypotheses that are looked at: pairs of seeds times pairs of places
 MOST_REFINED = 600  # hypotheses that are fitted to the seeds
 MOST_TRIED = 16  # hypotheses that are returned
@@ -28,9 +31,9 @@ def _hypotheses(seeds, places, disc_radius, turns):
     votes = _Votes(seeds)
     score = votes.of(maps, places, disc_radius, LOOSE)[0]
     maps = maps[_first(score, MOST_REFINED)]
-    for reach in (LOOSE, CLOSER, TIGHT):
+    for reach in (LOOSE, LOOSE, CLOSER, TIGHT):
         _, nearest, weights = votes.of(maps, places, disc_radius, reach)
-        maps = _drawn(maps, places, seeds.centers[nearest], weights, reach < LOOSE)
+        maps = _drawn(maps, places, seeds, nearest, weights, disc_radius)
         maps = maps[_is_possible(maps, places)]
     score = votes.of(maps, places, disc_radius, TIGHT)[0]
     return _distinct(maps[_first(score, len(maps))], places, disc_radius, turns)
@@ -133,26 +136,33 @@ def _images(maps, places):
     return spots, jacobians / full[:, :, 2, None, None]
 
 
-def _drawn(maps, places, centers, weights, perspective):
-    """The maps H (I + D) drawn to the seeds near the places; D moves a place q by A q + b - q (c . q)."""
+def _drawn(maps, places, seeds, nearest, weights, disc_radius):
+    """The maps H (I + D) drawn to the seeds near the places; D moves a place q by A q + b - q (c . q).
+
+    The seeds' radii r tell the vanishing line c: log r grows by tr A / 2 - 3/2 c . q, and by what all discs are larger
+    than the pattern says, the ninth unknown.
+    """
     m, n = weights.shape
     spots, jacobians = _images(maps, places)
     x, y = places.T
     zero, one = np.zeros(n), np.ones(n)
     moves = np.array([[x, y, zero, zero, one, zero, -x * x, -x * y], [zero, zero, x, y, zero, one, -x * y, -y * y]])
     scale = np.sqrt(np.abs(np.linalg.det(jacobians)))
-    design = np.einsum("mnij,jkn->mnik", jacobians, moves) / scale[:, :, None, None]
-    goal = (centers - spots) / scale[:, :, None]
-    ridge = np.full(8, STIFF)
-    ridge[6:] = (0.03 / PERSPECTIVE) ** 2 if perspective else 1e6  # 0.03 of the pitch radius: a seed off its place
-    normal = np.einsum("mn,mnik,mnil->mkl", weights, design, design) + np.diag(ridge)
-    right = np.einsum("mn,mnik,mni->mk", weights, design, goal)
-    right[:, 6:] -= ridge[6:] * maps[:, 2, :2]
+    design = np.einsum("mnij,jkn->mnik", jacobians, moves) / scale[:, :, None, None] / SEED_OFF
+    goal = (seeds.centers[nearest] - spots) / scale[:, :, None] / SEED_OFF
+    sizes = np.array([one / 2, zero, zero, one / 2, zero, zero, -1.5 * x, -1.5 * y, one]).T / SEED_SIZE
+    log_radius = np.log(seeds.radii[nearest] / (scale * disc_radius)) / SEED_SIZE
+    normal = np.zeros((m, 9, 9))
+    normal[:, :8, :8] = np.einsum("mn,mnik,mnil->mkl", weights, design, design)
+    normal += np.einsum("mn,nk,nl->mkl", weights, sizes, sizes) + np.diag(PRIOR)
+    right = np.einsum("mn,mn,nk->mk", weights, log_radius, sizes)
+    right[:, :8] += np.einsum("mn,mnik,mni->mk", weights, design, goal)
+    right[:, 6:8] -= PRIOR[6:8] * maps[:, 2, :2]
     steps = np.linalg.solve(normal, right[:, :, None])[:, :, 0]
     change = np.tile(np.eye(3), (m, 1, 1))
     change[:, :2, :2] += steps[:, :4].reshape(m, 2, 2)
     change[:, :2, 2] += steps[:, 4:6]
-    change[:, 2, :2] += steps[:, 6:]
+    change[:, 2, :2] += steps[:, 6:8]
     maps = maps @ change
     return maps / maps[:, 2:, 2:]
 

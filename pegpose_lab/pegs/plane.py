@@ -6,12 +6,14 @@ import numpy as np
 
 from .edges import N_RAYS, RAYS, _Outlines, _Rims, _rims
 
-PERSPECTIVE = 0.12  # standard deviation of the vanishing line's coefficients, per pitch radius: few cameras are nearer
+PERSPECTIVE = 0.2  # standard deviation of the vanishing line's coefficients, per pitch radius: few cameras are nearer
 PROPORTION_SIGMA = 0.15  # of the logarithm of the radius: what patterns are off, and competing edges
 REACHES = (0.5, 0.35, 0.2, 0.12, 0.08)  # of the radius: edges farther away do not count, step by step
 LAST_REACH = 2.5  # px, at least
 RADII = np.exp(np.linspace(np.log(0.6), np.log(1.6), 21))  # times the pattern's radius, tried for the first fit
 TUKEY = 3.0  # of the residuals' scale
+LAST_SCALE = 0.3  # px, of the residuals at least; before the last step half the reach, so that no disc is given up early
+ELLIPSE_SCALE = 0.1  # of the radius: the same for ellipses of the places' own
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +83,10 @@ def _fit_plane(field, plane, places, signs, radius, reaches=REACHES):
         outlines = plane.outlines(places)
         if not _is_sane(plane, outlines):
             return None
-        reach = max(reach, LAST_REACH / outlines.px.mean())
-        rims, found = _rims(field, outlines, signs, reach)
-        plane = _step(plane, places, rims, outlines.px, radius, len(places) > 2 and reach < 0.45)
+        widest = max(reach * outlines.px.mean(), LAST_REACH)
+        rims, found = _rims(field, outlines, signs, widest / outlines.px.mean())
+        last = reach == reaches[-1]
+        plane = _step(plane, places, rims, outlines.px, radius, LAST_SCALE if last else widest / 2)
     outlines = plane.outlines(places)
     if not _is_sane(plane, outlines):
         return None
@@ -104,11 +107,11 @@ def _fit_to_ellipses(plane, places, centers, shapes, weights, radius):
         beyond = 1 / np.linalg.norm(spots, axis=1) - 1  # along the ray from the ellipse's own centre
         offsets = np.where(np.abs(beyond) < 0.5, beyond, (shift @ RAYS.T))
         rims = _Rims(offsets, np.repeat(weights[:, None], N_RAYS, axis=1))
-        plane = _step(plane, places, rims, outlines.px, radius, len(places) > 3)
+        plane = _step(plane, places, rims, outlines.px, radius, ELLIPSE_SCALE * outlines.px.mean())
     return plane if _is_sane(plane, plane.outlines(places)) else None
 
 
-def _step(plane, places, rims, px, radius, perspective):
+def _step(plane, places, rims, px, radius, least_scale):
     """One robust step: H <- H (I + D), log radius; the residuals are linear in the eight of D and the radius.
 
     An edge at offset t along the ray e of a disc asks for e . (D q) + dr = t r, q being the outline's point: D moves q
@@ -123,7 +126,7 @@ def _step(plane, places, rims, px, radius, perspective):
     )
     design = np.column_stack([design, np.full(len(q), plane.radius)])
     goal = rims.offsets.ravel() * plane.radius
-    prior, pull = _prior(plane, radius, perspective)
+    prior, pull = _prior(plane, radius)
     solution, residuals, robust = np.zeros(9), goal * px.ravel() / plane.radius, np.ones(len(goal))
     used = rims.weights.ravel() > 0
     for _ in range(6):
@@ -131,16 +134,16 @@ def _step(plane, places, rims, px, radius, perspective):
         right = goal * weight * robust
         solution = np.linalg.solve(rows.T @ rows + prior, rows.T @ right + pull)
         residuals = (goal - design @ solution) * px.ravel() / plane.radius
-        scale = max(1.4826 * float(np.median(np.abs(residuals[used]))) if used.any() else 1.0, 0.3)
+        scale = max(1.4826 * float(np.median(np.abs(residuals[used]))) if used.any() else 1.0, least_scale)
         robust = np.maximum(1 - (residuals / (TUKEY * scale)) ** 2, 0)
     return _moved(plane, solution)
 
 
-def _prior(plane, radius, perspective):
+def _prior(plane, radius):
     """Weights (9, 9) and pulls (9,) of what is known before: little perspective, about the pattern's radius."""
     line = plane.homography[2, :2] / plane.homography[2, 2]
     weights = np.full(9, 1e-3)
-    weights[6:8] = 1 / (PERSPECTIVE if perspective else 1e-4) ** 2
+    weights[6:8] = 1 / PERSPECTIVE**2
     weights[8] = 1 / PROPORTION_SIGMA**2
     pull = np.zeros(9)
     pull[6:8] = -weights[6:8] * line
