@@ -13,6 +13,7 @@ WHOLE = 0.6  # visible share of a place's own rim that determines an ellipse wit
 OFF = 0.12  # of the radius: distance of a place's own centre from the ring's, of real parts
 MISSHAPEN = 0.15  # how much a semi-axis may differ from that of a circle in the ring's plane
 FIT_AGREES = 0.1  # of the radius (at least a pixel): between a place's own rim and the fit to the grey values
+MODEL_HOLDS = 1.5  # chi2 of that fit: beyond, it depends on which sectors it leaves out, and jumps from frame to frame
 LAGS = 6  # rays whose errors may go together
 
 
@@ -125,7 +126,7 @@ def _by_grey_values(image, found, states, ring):
         apart = np.linalg.norm(discs.centers - found[0][some], axis=1)
         agrees = apart < np.maximum(1.0, FIT_AGREES * found[2][some])
         agrees &= np.abs(discs.radii - found[2][some]) < np.maximum(1.0, FIT_AGREES * found[2][some])
-        good = discs.accepted & agrees
+        good = discs.accepted & agrees & (discs.chi2 < MODEL_HOLDS)
         found[0][some[good]] = discs.centers[good]
         found[1][some[good]] = discs.covariance[good][:, :2, :2]
         found[2][some[good]] = discs.radii[good]
