@@ -18,16 +18,16 @@ LARGEST_RATIO = 3.0  # of the axes of a circle's image
 
 
 def _hypotheses(seeds, places, disc_radius, turns):
-    """Homographies (m, 3, 3) from the pattern to the picture, the best first.
+    """Homographies (m, 3, 3) from the pattern to the picture, and their votes (m,), the best first.
 
     `places` (n, 2) are relative to their middle, with mean distance 1 from it.  Of a symmetric pattern
     only one of the equal labellings is looked at.
     """
     if len(seeds) < 2:
-        return np.empty((0, 3, 3))
+        return np.empty((0, 3, 3)), np.empty(0)
     maps = _maps_of_pairs(seeds, places, disc_radius, turns)
     if len(maps) == 0:
-        return maps
+        return maps, np.empty(0)
     votes = _Votes(seeds)
     score = votes.of(maps, places, disc_radius, LOOSE)[0]
     maps = maps[_first(score, MOST_REFINED)]
@@ -36,7 +36,9 @@ def _hypotheses(seeds, places, disc_radius, turns):
         maps = _drawn(maps, places, seeds, nearest, weights, disc_radius)
         maps = maps[_is_possible(maps, places)]
     score = votes.of(maps, places, disc_radius, TIGHT)[0]
-    return _distinct(maps[_first(score, len(maps))], places, disc_radius, turns)
+    order = _first(score, len(maps))
+    kept = order[_distinct(maps[order], places, disc_radius, turns)]
+    return maps[kept], score[kept]
 
 
 def _maps_of_pairs(seeds, places, disc_radius, turns):
@@ -182,7 +184,7 @@ def _first(score, count):
 
 
 def _distinct(maps, places, disc_radius, turns):
-    """The first of the maps, without those that put all places where a better one has them, turned or not."""
+    """Indices of the maps, without those that put all places where a better one has them, turned or not."""
     spots, jacobians = _images(maps, places)
     scale = np.sqrt(np.linalg.det(jacobians)).mean(axis=1) * disc_radius
     kept, seen = [], np.empty((0, *places.shape))
@@ -192,4 +194,4 @@ def _distinct(maps, places, disc_radius, turns):
             seen = np.concatenate([seen, [spots[i][turn] for turn in turns]])
         if len(kept) == MOST_TRIED:
             break
-    return maps[kept]
+    return kept

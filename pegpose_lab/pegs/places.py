@@ -41,7 +41,7 @@ def _measured_places(image, field, ring, design):
     states[ring.values < EMPTY] = "missing"
     found = _by_own_rim(own, rims, centers, off)
     found = _by_shape_of_ring(found, states, ring, design, centers, shapes)
-    found = _by_grey_values(image, found, states, ring)
+    found = _by_grey_values(image, found, states, ring.signs)
     covariances = found[1]
     covariances[states == "missing"] = np.diag([np.inf, np.inf])
     radii = np.where(states == "missing", np.sqrt(np.linalg.det(shapes)), found[2])
@@ -116,11 +116,11 @@ def _by_shape_of_ring(found, states, ring, design, centers, shapes):
     return found
 
 
-def _by_grey_values(image, found, states, ring):
+def _by_grey_values(image, found, states, signs):
     """The same with the fit to the grey values where it finds the place's own rim."""
     rows = np.flatnonzero(states == "measured")
     for sign, polarity in ((1, "bright"), (-1, "dark")):
-        some = rows[ring.signs[rows] == sign]
+        some = rows[signs[rows] == sign]
         circles = Circles(found[0][some], found[2][some], np.ones(len(some)), polarity)
         discs = fit_discs(image, circles)
         apart = np.linalg.norm(discs.centers - found[0][some], axis=1)

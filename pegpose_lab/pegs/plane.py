@@ -12,7 +12,9 @@ REACHES = (0.5, 0.35, 0.2, 0.12, 0.08)  # of the radius: edges farther away do n
 LAST_REACH = 2.5  # px, at least
 RADII = np.exp(np.linspace(np.log(0.6), np.log(1.6), 21))  # times the pattern's radius, tried for the first fit
 TUKEY = 3.0  # of the residuals' scale
-LAST_SCALE = 0.3  # px, of the residuals at least; before the last step half the reach, so that no disc is given up early
+LAST_SCALE = (
+    0.3  # px, of the residuals at least; before the last step half the reach, so that no disc is given up early
+)
 ELLIPSE_SCALE = 0.1  # of the radius: the same for ellipses of the places' own
 
 

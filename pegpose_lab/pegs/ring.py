@@ -5,8 +5,8 @@ import numpy as np
 from ..checks import DetectionError, Flag, as_number
 from .edges import _field, _refined
 from .measure import PegObservation
-from .places import _measured_places, _residual
-from .search import EMPTY, OWN_REACHES, WORTH, _agreement, _design, _rings
+from .places import _by_grey_values, _by_own_rim, _measured_places, _own_rims, _residual
+from .search import EMPTY, OWN_REACHES, WORTH, _agreement, _design, _followed, _no_seeds, _rings
 from .seeds import _seeds
 from .turns import _label, _rotation
 
@@ -15,10 +15,10 @@ LARGEST_RING = 0.75  # of the picture's shorter side: pitch radius of a ring tha
 SMALLEST_RING = 0.05
 LEAST_VALUE = 0.45  # mean over the places that are there: less is what texture gives
 CLEAR_VALUE = 0.65  # below this the ring is flagged
-RIVAL = 0.75  # of the best ring's score
+RIVAL = 0.85  # of the best ring's score
 PROPORTION = 0.15  # of the radius: more than what a marking by hand or a chamfer changes
 MISFIT = 2.5  # ratio of the residual to that of single ellipses, and
-MISFIT_PX = 0.5  # px, of the residual: below that a part is plane enough
+LEAST_MISFIT = 0.3, 0.012  # px, and part of the radius: a residual below both is no misfit
 STEEP = 2.5  # ratio of the axes of a circle's image
 
 
@@ -27,6 +27,10 @@ def _locate_ring(image, pattern, radius_range, previous):
     design = _design(pattern)
     low, high = _radius_range(image, pattern, radius_range)
     field = _field(image)
+    if getattr(previous, "homography", None) is not None:
+        ring = _followed(field, design, previous)
+        if ring is not None:
+            return _observed(image, field, _no_seeds(), [ring], design, pattern, previous)
     seeds = _seeds(image, field, (low, high), pattern.polarity)
     if len(seeds) < 2:
         raise DetectionError(_nothing_seen(seeds, pattern, (low, high)))
@@ -88,7 +92,7 @@ def _observed(image, field, seeds, rings, design, pattern, previous):
     residual, ratio = _residual(ring, design, places.states)
     normal_from_pattern = design.normal_from_pattern
     homography = ring.plane.homography @ _rotation(design, turn) @ normal_from_pattern
-    bore_center, bore_radius, bore_sigma, bore_off = _bore(field, ring, design)
+    bore_center, bore_radius, bore_sigma, bore_off = _bore(image, field, ring, design)
     states = tuple(str(state) for state in places.states[turn])
     rivals = [other for other in rings[1:] if _is_rival(other, ring, pattern)]
     flags = _flags_of_places(states) + _flags_of_marks(labels, pattern, bore_sigma)
@@ -131,18 +135,19 @@ def _is_rival(other, ring, pattern):
     return other.score > RIVAL * ring.score and not other.excess(pattern.max_missing) and there.any()
 
 
-def _bore(field, ring, design):
+def _bore(image, field, ring, design):
     """Centre, radius and sigma of the bore, px, and how much its radius is off; without a bore the ring's middle."""
     if design.bore is None:
         return ring.plane.ellipses(np.zeros((1, 2)))[0][0], 0.0, np.full(2, np.inf), 0.0
     place, ratio, sign = design.bore
     centers, shapes = ring.plane.ellipses(np.array([place]), ring.plane.radius * np.array([ratio]))
-    own_centers, own_shapes, shares, _ = _refined(field, centers, shapes, np.array([sign]), OWN_REACHES)
-    seen = _agreement(centers, shapes, own_centers, own_shapes)[0] * shares[0]
-    if seen < WORTH:
-        return centers[0], float(np.sqrt(np.linalg.det(shapes[0]))), np.full(2, np.inf), 0.0
-    radius = float(np.sqrt(abs(np.linalg.det(own_shapes[0]))))
-    return own_centers[0], radius, np.full(2, 0.3), radius / float(np.sqrt(np.linalg.det(shapes[0]))) - 1
+    own = _refined(field, centers, shapes, np.array([sign]), OWN_REACHES)
+    expected = float(np.sqrt(np.linalg.det(shapes[0])))
+    if _agreement(centers, shapes, *own[:2])[0] * own[2][0] < WORTH:
+        return centers[0], expected, np.full(2, np.inf), 0.0
+    found = _by_own_rim(own, _own_rims(field, *own[:2], own[3]), centers, np.zeros(1))
+    found = _by_grey_values(image, found, np.array(["measured"]), own[3])
+    return found[0][0], float(found[2][0]), np.sqrt(np.diagonal(found[1][0])), found[2][0] / expected - 1
 
 
 def _flags_of_places(states):
@@ -183,7 +188,8 @@ def _flags_of_ring(ring, rivals, labels, design, pattern, residual, ratio, bore_
     if ring.values[there].mean() < CLEAR_VALUE or there.sum() < 3:
         text = f"{there.sum()} places, their rims {ring.values[there].mean():.0%} clear"
         flags.append(Flag("weak-ring", f"the ring rests on little: {text}"))
-    if residual > MISFIT_PX and ratio > MISFIT:
+    radius = np.sqrt(np.linalg.det(ring.plane.ellipses(design.places)[1])).mean()
+    if residual > max(LEAST_MISFIT[0], LEAST_MISFIT[1] * radius) and ratio > MISFIT:
         text = f"{residual:.2f} px, {ratio:.1f} times what single ellipses leave"
         flags.append(Flag("ring-misfit", f"the rims are not those of equal discs in one plane: {text}"))
     if ring.plane.tilt > STEEP:

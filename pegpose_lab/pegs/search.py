@@ -7,6 +7,7 @@ import numpy as np
 from .consensus import _hypotheses, _images
 from .edges import _refined, _Rims, _rims, _visible
 from .plane import PROPORTION_SIGMA, _fit_plane, _fit_to_ellipses, _is_sane, _Plane, _starts
+from .seeds import _Seeds
 
 TOLERANCE = (1.0, 0.03)  # px, and part of the radius: how near an edge lies to the outline that it belongs to
 SEEN = (0.3, 0.65)  # visible share of an outline with which a place counts as empty, and as full
@@ -14,6 +15,9 @@ OWN_REACHES = (0.3, 0.15)  # of the radius: where a place's own ellipse is looke
 HELD_REACH = 0.35  # of the radius: distance of a place's own ellipse from where the ring has it
 HELD_SIZE = 1.5  # ratio of their radii
 HELD_WORTH = 0.7  # of a place that has an ellipse of its own, but not the one of the plane
+CLEAR = 0.85  # value of a ring, and share of all its rims, that leaves little to look for
+HOPELESS = 0.6  # of the best votes: after a clear ring, others with less are no rivals
+FOLLOWED_REACHES = (0.8, 0.5, 0.3, 0.15, 0.08)  # of the radius: a frame moves a disc less than that, or is searched
 MOST_FITTED = 8  # hypotheses that are drawn to the edges
 WORTH = 0.5  # value of a place that is surely there
 EMPTY = 0.35  # value of a place below which it counts as empty
@@ -88,9 +92,11 @@ def _design(pattern):
 
 def _rings(field, seeds, design, max_missing):
     """The rings of a picture, the best first, each once."""
-    maps = _hypotheses(seeds, design.places, design.radius, design.turns)
+    maps, votes = _hypotheses(seeds, design.places, design.radius, design.turns)
     found = []
-    for homography in maps[:MOST_FITTED]:
+    for homography, vote in zip(maps[:MOST_FITTED], votes[:MOST_FITTED], strict=True):
+        if found and vote < HOPELESS * votes[0] and max(ring.values.mean() for ring in found) > CLEAR:
+            break
         found += _versions(field, seeds, design, homography)
     found.sort(key=lambda ring: -round(ring.score - ring.excess(max_missing), 4))
     return _without_twins(found, design)
@@ -104,6 +110,8 @@ def _versions(field, seeds, design, homography):
         fit = _fit_plane(field, start, design.places, design.signs, design.radius)
         if fit is not None:
             found.append(_judged(field, seeds, design, *fit))
+            if found[-1].shares.min() > CLEAR:
+                return found
     if _is_sane(plane, plane.outlines(design.places)):
         found.append(_as_ellipses_say(field, seeds, design, plane))
     return [ring for ring in found if ring is not None]
@@ -138,9 +146,12 @@ def _judged(field, seeds, design, plane, rims, residuals, signs):
     centers, shapes = plane.ellipses(places, plane.radius * ratios)
     own = _refined(field, centers, shapes, all_signs, OWN_REACHES)
     held = _agreement(centers, shapes, *own[:2]) * own[2]
-    near = np.linalg.norm(seeds.centers[:, None] - centers[:n], axis=2).argmin(axis=0)
-    by_seeds = _agreement(centers[:n], shapes[:n], seeds.centers[near], seeds.shapes[near]) * seeds.shares[near]
-    return _Ring(plane, rims, residuals, signs, shares * off, np.maximum(held[:n], by_seeds) * off, sum(held[n:]))
+    best = held[:n]
+    if len(seeds):
+        near = np.linalg.norm(seeds.centers[:, None] - centers[:n], axis=2).argmin(axis=0)
+        by_seeds = _agreement(centers[:n], shapes[:n], seeds.centers[near], seeds.shapes[near]) * seeds.shares[near]
+        best = np.maximum(best, by_seeds)
+    return _Ring(plane, rims, residuals, signs, shares * off, best * off, float(sum(held[n:])))
 
 
 def _agreement(centers, shapes, own_centers, own_shapes):
@@ -162,3 +173,23 @@ def _without_twins(rings, design):
             kept.append(ring)
             seen += [spots[0][turn] for turn in design.turns]
     return kept
+
+
+def _followed(field, design, previous):
+    """The ring of the frame before where it moved little: all rims clear at once; None elsewhere."""
+    homography = previous.homography @ np.linalg.inv(design.normal_from_pattern)
+    plane = _Plane(homography / homography[2, 2], design.radius)
+    radii = np.asarray(previous.peg_radii)[[state == "measured" for state in previous.states]]
+    if len(radii) == 0 or not _is_sane(plane, plane.outlines(design.places)):
+        return None
+    size = np.sqrt(np.linalg.det(plane.ellipses(design.places)[1]))
+    plane = _Plane(plane.homography, plane.radius * float(np.median(radii) / np.median(size)))
+    fit = _fit_plane(field, plane, design.places, design.signs, plane.radius, FOLLOWED_REACHES)
+    if fit is None:
+        return None
+    ring = _judged(field, _no_seeds(), design, *fit)
+    return ring if ring.shares.min() > CLEAR and abs(np.log(fit[0].radius / plane.radius)) < 0.1 else None
+
+
+def _no_seeds():
+    return _Seeds(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0), np.empty(0))
