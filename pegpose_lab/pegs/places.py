@@ -6,8 +6,8 @@ import numpy as np
 
 from ..circles import Circles
 from ..discs import fit_discs
-from .edges import N_RAYS, SERIES, _ellipses, _refined, _rims, _solve_series, _visible
-from .search import EMPTY, OWN_REACHES, TOLERANCE
+from .edges import N_RAYS, SERIES, _ellipses, _rims, _solve_series
+from .judge import EMPTY
 
 WHOLE = 0.6  # visible share of a place's own rim that determines an ellipse without help
 OFF = 0.12  # of the radius: distance of a place's own centre from the ring's, of real parts
@@ -31,13 +31,12 @@ class _Places:
 def _measured_places(image, field, ring, design):
     """`_Places` of a ring."""
     centers, shapes = ring.plane.ellipses(design.places)
-    own = _refined(field, centers, shapes, ring.signs, OWN_REACHES)
-    rims = _own_rims(field, *own[:2], ring.signs)
-    off, misshapen = _departures(centers, shapes, *own[:2])
+    own = ring.own.centers, ring.own.shapes
+    rims = _own_rims(field, *own, ring.signs)
+    off, misshapen = _departures(centers, shapes, *own)
     like = (off < OFF) & (misshapen < MISSHAPEN)
-    raw = _visible(ring.rims, ring.residuals, np.maximum(TOLERANCE[0], TOLERANCE[1] * _px(ring, design)))
-    visible = np.maximum(raw, np.where(like, own[2], 0))
-    states = np.where(own[2] >= WHOLE, np.where(like, "measured", "contradicted"), "partial")
+    visible = np.maximum(ring.shares, np.where(like, ring.own.shares, 0))
+    states = np.where(ring.own.shares >= WHOLE, np.where(like, "measured", "contradicted"), "partial")
     states[ring.values < EMPTY] = "missing"
     found = _by_own_rim(own, rims, centers, off)
     found = _by_shape_of_ring(found, states, ring, design, centers, shapes)

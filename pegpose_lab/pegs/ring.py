@@ -3,10 +3,12 @@
 import numpy as np
 
 from ..checks import DetectionError, Flag, as_number
+from .design import _design
 from .edges import _field, _refined
+from .judge import EMPTY, OWN_REACHES, WORTH, _agreement
 from .measure import PegObservation
 from .places import _by_grey_values, _by_own_rim, _measured_places, _own_rims, _residual
-from .search import EMPTY, OWN_REACHES, WORTH, _agreement, _design, _followed, _no_seeds, _rings
+from .search import _followed, _no_seeds, _rings
 from .seeds import _seeds
 from .turns import _label, _rotation
 

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..checks import DetectionError
+from .design import SIGNS
 from .edges import _refined
+from .judge import _agreement
 from .labels import CLEAR_TURN, EQUALLY_LEFT
-from .search import SIGNS, _agreement
 
 MARK_REACHES = (0.35, 0.2)  # of a mark's radius
 MARK_SEEN = 0.5  # how much of a mark has to be there
