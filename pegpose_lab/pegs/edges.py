@@ -9,6 +9,7 @@ N_RAYS = 48  # directions in which a disc's rim is looked at
 SMOOTHING = 1.0  # px, Gaussian before the gradient
 LEAST_GRADIENT = 1.0  # grey values per px: slower changes are shading
 NOISE_GRADIENT = 0.6  # of the noise: three standard deviations of what it leaves in the smoothed gradient
+WEAKER = 0.25  # of the usual strength of a rim's edges: weaker ones lose against stronger ones near by
 CLEAR = 0.6  # directedness of an edge: the gradient points across the rim, within 53 degrees
 LEAST_REACH = 2.5  # px: edges are looked for so far away at least, where other edges show whether that is chance
 TOLERANCE = (0.8, 0.015)  # px, and part of the radius: how near the edges of one ellipse lie to it
@@ -100,6 +101,9 @@ def _rims(field, outlines, signs, reach, steps=None):
     peak = np.zeros(strength.shape, bool)
     peak[:, :, 1:-1] = (strength[:, :, 1:-1] > strength[:, :, :-2]) & (strength[:, :, 1:-1] >= strength[:, :, 2:])
     value = np.where(peak & (directed > CLEAR), directed * np.exp(-0.5 * (offsets / (reach / 2)) ** 2), 0)
+    best_strength = np.where(value > 0, strength, 0).max(axis=2)
+    usual = np.sort(best_strength, axis=1)[:, int(0.8 * N_RAYS)][:, None, None]
+    value *= strength / (strength.clip(0) + WEAKER * usual + 1e-9)
     best = np.clip(value.argmax(axis=2), 1, len(offsets) - 2)[:, :, None]
     weights = np.take_along_axis(value, best, axis=2)[:, :, 0]
     before, here, after = (np.take_along_axis(strength, best + step, axis=2)[:, :, 0] for step in (-1, 0, 1))
