@@ -76,8 +76,9 @@ def _starts(field, plane, places, signs):
     return [replace(plane, radius=plane.radius * RADII[k]) for k in best]
 
 
-def _fit_plane(field, plane, places, signs, radius, reaches=REACHES):
-    """The plane drawn to the edges within shrinking reaches; `radius` is the pattern's own.
+def _fit_plane(field, plane, places, signs, radius, reaches=REACHES, used=None):
+    """The plane drawn to the edges within shrinking reaches; `radius` is the pattern's own, `used` (n,) the places that
+    count.
 
     Returns the plane, its rims, residuals (n, N_RAYS) px, and the polarity (n,) of each place.
     """
@@ -87,6 +88,8 @@ def _fit_plane(field, plane, places, signs, radius, reaches=REACHES):
             return None
         widest = max(reach * outlines.px.mean(), LAST_REACH)
         rims, found = _rims(field, outlines, signs, widest / outlines.px.mean())
+        if used is not None:
+            rims = _Rims(rims.offsets, rims.weights * used[:, None])
         last = reach == reaches[-1]
         plane = _step(plane, places, rims, outlines.px, radius, LAST_SCALE if last else widest / 2)
     outlines = plane.outlines(places)

@@ -16,7 +16,8 @@ LEAST_RADIUS = 3.0  # px: smaller discs have too few edge points for an ellipse
 LARGEST_RING = 0.75  # of the picture's shorter side: pitch radius of a ring that is looked for without a radius range
 SMALLEST_RING = 0.05
 LEAST_VALUE = 0.45  # mean over the places that are there: less is what texture gives
-CLEAR_VALUE = 0.65  # below this the ring is flagged
+CLEAR_VALUE, CLEAR_VISIBLE = 0.65, 0.75  # mean value and visible share of the places; below these the ring is flagged
+MOST_SURE = 0.6  # of the places that are there: so many have to show a disc, as a part of one counts half
 RIVAL = 0.85  # of the best ring's score
 PROPORTION = 0.15  # of the radius: more than what a marking by hand or a chamfer changes
 MISFIT = 2.5  # ratio of the residual to that of single ellipses, and
@@ -73,6 +74,19 @@ def _demand_ring(ring, seeds, pattern):
         )
 
 
+def _demand_discs(states, ring, pattern):
+    """Raise if most of the ring's places do not show discs of the ring: texture has rims everywhere."""
+    count = {state: int((states == state).sum()) for state in ("measured", "partial", "contradicted", "missing")}
+    there = pattern.n_places - count["missing"]
+    clear = ring.values[states != "missing"].mean() >= CLEAR_VALUE
+    sure = count["measured"] + (0.5 * count["partial"] if clear else 0)
+    if sure < MOST_SURE * there or (there <= 3 and count["contradicted"]):
+        raise DetectionError(
+            f"no ring of this pattern: of {pattern.n_places} places of the best one {count['measured']} show a disc, "
+            f"{count['partial']} part of one, {count['contradicted']} another rim; check n, polarity and proportions"
+        )
+
+
 def _kind(pattern):
     return "" if pattern.polarity == "either" else f"{pattern.polarity} "
 
@@ -89,6 +103,7 @@ def _observed(image, field, seeds, rings, design, pattern, previous):
     """Measure the best ring and label it."""
     ring = rings[0]
     places = _measured_places(image, field, ring, design)
+    _demand_discs(places.states, ring, pattern)
     labels = _label(field, ring, design, pattern, previous)
     turn = labels.turn
     residual, ratio = _residual(ring, design, places.states)
@@ -98,7 +113,7 @@ def _observed(image, field, seeds, rings, design, pattern, previous):
     states = tuple(str(state) for state in places.states[turn])
     rivals = [other for other in rings[1:] if _is_rival(other, ring, pattern)]
     flags = _flags_of_places(states) + _flags_of_marks(labels, pattern, bore_sigma)
-    flags += _flags_of_ring(ring, rivals, labels, design, pattern, residual, ratio, bore_off)
+    flags += _flags_of_ring(ring, places.visible[places.states != "missing"], rivals, design, residual, ratio, bore_off)
     flags += _further_discs(ring, seeds, design)
     middle = homography @ (0, 0, 1)
     sigmas = np.sqrt(np.diagonal(places.covariances, axis1=1, axis2=2))
@@ -177,7 +192,7 @@ def _flags_of_marks(labels, pattern, bore_sigma):
     return flags
 
 
-def _flags_of_ring(ring, rivals, labels, design, pattern, residual, ratio, bore_off):
+def _flags_of_ring(ring, visible, rivals, design, residual, ratio, bore_off):
     """Flags for a ring that may be another one."""
     flags = []
     there = ring.values >= EMPTY
@@ -187,7 +202,7 @@ def _flags_of_ring(ring, rivals, labels, design, pattern, residual, ratio, bore_
     if max(abs(off), abs(bore_off)) > PROPORTION:
         text = f"the discs are {off:+.0%} off the pattern's radius, the bore {bore_off:+.0%} off its own"
         flags.append(Flag("other-proportions", f"{text}; another edge of the part, or another part"))
-    if ring.values[there].mean() < CLEAR_VALUE or there.sum() < 3:
+    if ring.values[there].mean() < CLEAR_VALUE or visible.mean() < CLEAR_VISIBLE or there.sum() < 3:
         text = f"{there.sum()} places, their rims {ring.values[there].mean():.0%} clear"
         flags.append(Flag("weak-ring", f"the ring rests on little: {text}"))
     radius = np.sqrt(np.linalg.det(ring.plane.ellipses(design.places)[1])).mean()

@@ -4,7 +4,7 @@ import numpy as np
 
 from .consensus import _hypotheses, _images
 from .edges import _rims
-from .judge import WORTH, _judged, _own
+from .judge import EMPTY, WORTH, _judged, _own
 from .plane import _fit_plane, _fit_to_ellipses, _is_sane, _Plane, _starts
 from .seeds import _Seeds
 
@@ -12,6 +12,8 @@ CLEAR = 0.85  # value of a ring, and share of all its rims, that leaves little t
 HOPELESS = 0.6  # of the best votes: after a clear ring, others with less are no rivals
 FOLLOWED_REACHES = (0.8, 0.5, 0.3, 0.15, 0.08)  # of the radius: a frame moves a disc less than that, or is searched
 MOST_FITTED = 8  # hypotheses that are drawn to the edges
+LAST_REACHES = (0.12, 0.08, 0.08, 0.08)  # of the radius, for the ring that is returned
+LOST_BY_POLISHING = 0.05  # score, of chance
 SAME_RING = 0.5  # of the discs' radius: rings whose places are nearer are one
 
 
@@ -24,7 +26,16 @@ def _rings(field, seeds, design, max_missing):
             break
         found += _versions(field, seeds, design, homography)
     found.sort(key=lambda ring: -round(ring.score - ring.excess(max_missing), 4))
-    return _without_twins(found, design)
+    rings = _without_twins(found, design)
+    return [_polished(field, seeds, design, rings[0]), *rings[1:]] if rings else []
+
+
+def _polished(field, seeds, design, ring):
+    """The ring drawn once more to the edges of the places that are there, if that makes it no worse."""
+    used = ring.values >= EMPTY
+    fit = _fit_plane(field, ring.plane, design.places, design.signs, design.radius, LAST_REACHES, used)
+    again = ring if fit is None else _judged(field, seeds, design, *fit)
+    return again if again.score > ring.score - LOST_BY_POLISHING else ring
 
 
 def _versions(field, seeds, design, homography):
