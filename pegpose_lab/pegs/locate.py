@@ -119,8 +119,19 @@ def _locate(image, segmentation, hub, previous):
     for ring in rings:
         labellings = _labellings(image, circles, ring, hub)
         if labellings:
-            return _measure(image, circles, ring, _choose(labellings, circles, previous), hub)
+            chosen = _choose(labellings, circles, previous)
+            return _measure(image, circles, ring, chosen, hub, *_remaining(labellings, chosen, previous))
     raise DetectionError(_missing_screws(circles, rings[0], hub))
+
+
+def _remaining(labellings, chosen, previous):
+    """What decided the labels, and the labellings (m, n_pegs) that remain, as indices into the chosen one."""
+    if len(labellings) == 1 or previous is not None:
+        by = "mark" if len(labellings) == 1 else "previous frame"
+        return by, np.arange(len(chosen.pegs))[None]
+    place = {int(peg): k for k, peg in enumerate(chosen.pegs)}
+    turns = [[place[int(peg)] for peg in labelling.pegs] for labelling in labellings]
+    return "nothing", np.array(sorted(turns))
 
 
 # ---- what to say when something is missing ----
