@@ -159,7 +159,7 @@ class RingPattern:
         middle = self.places.mean(axis=0)
         places = (self.places - middle) @ (1, 1j)
         far = int(np.argmax(np.abs(places)))
-        still = self.bore is None or np.linalg.norm(middle) < SAME_PLACE * self.scale
+        still = self.bore is None or np.linalg.norm(middle - self.bore.center) < SAME_PLACE * self.scale
         found = []
         for other in places if still else places[far : far + 1]:
             if abs(abs(other) - abs(places[far])) > SAME_PLACE * self.scale:

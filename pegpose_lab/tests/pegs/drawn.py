@@ -40,7 +40,7 @@ def drawn(discs, h, *, ground=90.0, noise=3.0, blur=0.9, rng=0, size=SIZE, textu
     y, x = np.mgrid[: size[1], : size[0]].astype(float)
     full = np.dstack([x, y, np.ones_like(x)]) @ np.linalg.inv(h).T
     plane = full[:, :, :2] / full[:, :, 2:]
-    image = np.full(size[::-1], ground)
+    image = np.full(size[::-1], float(ground))
     if texture:
         image += cv2.GaussianBlur(rng.normal(0, texture, size[::-1]), (0, 0), 2.0) * 7
     step = np.hypot(*(np.diff(plane, axis=1, prepend=plane[:, :1] - plane[:, 1:2] + plane[:, :1]).transpose(2, 0, 1)))
