@@ -10,6 +10,7 @@ from .edges import N_RAYS, SERIES, _ellipses, _rims, _solve_series
 from .judge import EMPTY
 
 WHOLE = 0.6  # visible share of a place's own rim that determines an ellipse without help
+PART = 0.4  # visible share of the ring's outline that is more than chance
 OFF = 0.12  # of the radius: distance of a place's own centre from the ring's, of real parts
 MISSHAPEN = 0.15  # how much a semi-axis may differ from that of a circle in the ring's plane
 FIT_AGREES = 0.1  # of the radius (at least a pixel): between a place's own rim and the fit to the grey values
@@ -36,7 +37,8 @@ def _measured_places(image, field, ring, design):
     off, misshapen = _departures(centers, shapes, *own)
     like = (off < OFF) & (misshapen < MISSHAPEN)
     visible = np.maximum(ring.shares, np.where(like, ring.own.shares, 0))
-    states = np.where(ring.own.shares >= WHOLE, np.where(like, "measured", "contradicted"), "partial")
+    other = np.where(ring.shares >= PART, "partial", "contradicted")  # shadows and clutter beside a rim that is there
+    states = np.where(ring.own.shares >= WHOLE, np.where(like, "measured", other), "partial")
     states[ring.values < EMPTY] = "missing"
     found = _by_own_rim(own, rims, centers, off)
     found = _by_shape_of_ring(found, states, ring, design, centers, shapes)

@@ -67,7 +67,7 @@ def _demand_ring(ring, seeds, pattern):
             f"found {len(seeds)} {_kind(pattern)}discs, but no ring of this pattern: {best}, and "
             f"{pattern.max_missing} may be missing; check n, polarity and proportions, or raise max_missing"
         )
-    if len(there) + (ring.bore > WORTH) < min(3, n) or there.mean() < LEAST_VALUE:
+    if len(there) < 2 or there.mean() < LEAST_VALUE:
         raise DetectionError(
             f"found {len(seeds)} {_kind(pattern)}discs, but no ring of this pattern: {best}, with rims that are "
             f"{there.mean() if len(there) else 0:.0%} clear; check n, polarity and proportions, or show the whole ring"
@@ -79,7 +79,7 @@ def _demand_discs(states, ring, pattern):
     count = {state: int((states == state).sum()) for state in ("measured", "partial", "contradicted", "missing")}
     there = pattern.n_places - count["missing"]
     clear = ring.values[states != "missing"].mean() >= CLEAR_VALUE
-    sure = count["measured"] + (0.5 * count["partial"] if clear else 0)
+    sure = count["measured"] + (0.5 * (count["partial"] + count["contradicted"]) if clear else 0)
     if sure < MOST_SURE * there or (there <= 3 and count["contradicted"]):
         raise DetectionError(
             f"no ring of this pattern: of {pattern.n_places} places of the best one {count['measured']} show a disc, "
