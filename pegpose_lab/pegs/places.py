@@ -10,6 +10,7 @@ from .edges import N_RAYS, SERIES, _ellipses, _rims, _solve_series
 from .judge import EMPTY
 
 WHOLE = 0.6  # visible share of a place's own rim that determines an ellipse without help
+CUT_SIGMA = 0.5  # of the radius times the misfit of the shape: what is cut off moves the centre by about so much
 PART = 0.4  # visible share of the ring's outline that is more than chance
 OFF = 0.12  # of the radius: distance of a place's own centre from the ring's, of real parts
 MISSHAPEN = 0.15  # how much a semi-axis may differ from that of a circle in the ring's plane
@@ -20,13 +21,15 @@ LAGS = 6  # rays whose errors may go together
 
 @dataclass(frozen=True, eq=False)
 class _Places:
-    """The discs of a ring: centres (n, 2), covariances (n, 2, 2), radii (n,) px, states and visible shares (n,)."""
+    """The discs of a ring: centres (n, 2), covariances (n, 2, 2), radii (n,) px, states and visible shares (n,), and which
+    of the partial ones (n,) have a whole rim of their own of another shape, as discs that a hole cuts."""
 
     centers: np.ndarray
     covariances: np.ndarray
     radii: np.ndarray
     states: np.ndarray
     visible: np.ndarray
+    cut: np.ndarray
 
 
 def _measured_places(image, field, ring, design):
@@ -37,17 +40,22 @@ def _measured_places(image, field, ring, design):
     off, misshapen = _departures(centers, shapes, *own)
     like = (off < OFF) & (misshapen < MISSHAPEN)
     visible = np.maximum(ring.shares, np.where(like, ring.own.shares, 0))
-    other = np.where(ring.shares >= PART, "partial", "contradicted")  # shadows and clutter beside a rim that is there
-    states = np.where(ring.own.shares >= WHOLE, np.where(like, "measured", other), "partial")
+    whole = ring.own.shares >= WHOLE
+    cut = whole & ~like & (off < OFF) & (ring.shares < PART)
+    states = np.where(whole & like, "measured", "partial").astype(object)
+    states[whole & (off >= OFF) & (ring.shares < PART)] = "contradicted"
     states[ring.values < EMPTY] = "missing"
+    cut &= states == "partial"
     found = _by_own_rim(own, rims, centers, off)
-    found = _by_shape_of_ring(found, states, ring, design, centers, shapes)
+    found[1][cut] += ((CUT_SIGMA * misshapen[cut] * found[2][cut]) ** 2)[:, None, None] * np.eye(2)
+    rows = np.flatnonzero((states == "partial") & ~cut)
+    found = _by_shape_of_ring(found, rows, ring, design, centers, shapes)
     found = _by_grey_values(image, found, states, ring.signs)
     covariances = found[1]
     covariances[states == "missing"] = np.diag([np.inf, np.inf])
     radii = np.where(states == "missing", np.sqrt(np.linalg.det(shapes)), found[2])
     places = np.where((states == "missing")[:, None], centers, found[0])
-    return _Places(places, covariances, radii, states, visible)
+    return _Places(places, covariances, radii, states, visible, cut)
 
 
 def _px(ring, design):
@@ -99,18 +107,18 @@ def _covariance_of_shift(residuals, weights, shape, design):
     return np.linalg.inv(normal)[1:3, 1:3] * (power + 0.05**2) * together / size**2
 
 
-def _by_shape_of_ring(found, states, ring, design, centers, shapes):
+def _by_shape_of_ring(found, rows, ring, design, centers, shapes):
     """The same for partly visible places, whose shape is the ring's: only the shift is measured."""
-    px, rows = _px(ring, design), SERIES[:, :3]
-    for k in np.flatnonzero(states == "partial"):
+    px, series = _px(ring, design), SERIES[:, :3]
+    for k in rows:
         near = (ring.rims.weights[k] > 0) & (np.abs(ring.residuals[k]) < max(2.0, 0.1 * px[k].mean()))
-        part = rows[near][:, 1:3]
+        part = series[near][:, 1:3]
         offsets = ring.residuals[k][near] / px[k][near]
         shift = np.linalg.solve(part.T @ part + 0.5 * np.eye(2), part.T @ offsets)
         found[0][k] = centers[k] + shapes[k] @ shift
         left = np.zeros(N_RAYS)
         left[near] = (offsets - part @ shift) * px[k][near]
-        covariance = shapes[k] @ _covariance_of_shift(left, near.astype(float), shapes[k], rows) @ shapes[k].T
+        covariance = shapes[k] @ _covariance_of_shift(left, near.astype(float), shapes[k], series) @ shapes[k].T
         step = shapes[k] @ shift
         found[1][k] = covariance + np.outer(step, step)
         found[2][k] = np.sqrt(np.linalg.det(shapes[k]))

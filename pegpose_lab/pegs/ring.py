@@ -17,6 +17,7 @@ LARGEST_RING = 0.75  # of the picture's shorter side: pitch radius of a ring tha
 SMALLEST_RING = 0.05
 LEAST_VALUE = 0.45  # mean over the places that are there: less is what texture gives
 CLEAR_VALUE, CLEAR_VISIBLE = 0.65, 0.75  # mean value and visible share of the places; below these the ring is flagged
+MANY = 7  # places: their centres alone tell a ring, since four determine a homography
 MOST_SURE = 0.6  # of the places that are there: so many have to show a disc, as a part of one counts half
 RIVAL = 0.85  # of the best ring's score
 PROPORTION = 0.15  # of the radius: more than what a marking by hand or a chamfer changes
@@ -74,12 +75,14 @@ def _demand_ring(ring, seeds, pattern):
         )
 
 
-def _demand_discs(states, ring, pattern):
+def _demand_discs(places, ring, pattern):
     """Raise if most of the ring's places do not show discs of the ring: texture has rims everywhere."""
+    states = places.states
     count = {state: int((states == state).sum()) for state in ("measured", "partial", "contradicted", "missing")}
     there = pattern.n_places - count["missing"]
     clear = ring.values[states != "missing"].mean() >= CLEAR_VALUE
-    sure = count["measured"] + (0.5 * (count["partial"] + count["contradicted"]) if clear else 0)
+    sure = count["measured"] + (0 if there < MANY else int(places.cut.sum()))
+    sure += 0.5 * (count["partial"] + count["contradicted"]) if clear else 0
     if sure < MOST_SURE * there or (there <= 3 and count["contradicted"]):
         raise DetectionError(
             f"no ring of this pattern: of {pattern.n_places} places of the best one {count['measured']} show a disc, "
@@ -103,7 +106,7 @@ def _observed(image, field, seeds, rings, design, pattern, previous):
     """Measure the best ring and label it."""
     ring = rings[0]
     places = _measured_places(image, field, ring, design)
-    _demand_discs(places.states, ring, pattern)
+    _demand_discs(places, ring, pattern)
     labels = _label(field, ring, design, pattern, previous)
     turn = labels.turn
     residual, ratio = _residual(ring, design, places.states)
