@@ -102,7 +102,7 @@ class _Votes:
     def __init__(self, seeds):
         self.seeds, self.low = seeds, seeds.centers.min(axis=0)
         size = np.ptp(seeds.centers, axis=0)
-        self.cell = max(size.max() / self.CELLS, 1e-6)
+        self.cell = max(size.max() / self.CELLS, seeds.radii.min() / 4)
         margin = 0.3 * size.max() / self.cell + 8  # places may lie beyond the outermost seed
         self.low = self.low - margin * self.cell
         shape = np.ceil(size / self.cell + 2 * margin).astype(int) + 1

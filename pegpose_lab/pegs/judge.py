@@ -14,6 +14,7 @@ HELD_REACH = 0.35  # of the radius: distance of a place's own ellipse from where
 HELD_SIZE = 1.5  # ratio of their radii
 HELD_WORTH = 0.7  # of a place that has an ellipse of its own, but not the one of the plane
 WORTH = 0.5  # value of a place, or of a bore, that is surely there
+OCCUPIED = 0.75, 0.25  # visible share, and nearness, of an ellipse that fills a place
 EMPTY = 0.35  # value of a place below which it counts as empty
 
 
@@ -55,13 +56,23 @@ class _Ring:
         seen = np.clip((shares - SEEN[0]) / (SEEN[1] - SEEN[0]), 0, 1) * (0.7 + 0.3 * shares)
         return np.maximum(seen, HELD_WORTH * self.own.held * self.off)
 
+    @property
+    def empty(self):
+        """Which places (n,) are empty: one with a clear ellipse near by is not, even if the ring has it elsewhere."""
+        occupied = (self.own.shares > OCCUPIED[0]) & (self.own.near > OCCUPIED[1])
+        return (self.values < EMPTY) & ~occupied
+
     def excess(self, max_missing):
         """How many places are empty beyond those that may be."""
-        return max(int((self.values < EMPTY).sum()) - max_missing, 0)
+        return max(int(self.empty.sum()) - max_missing, 0)
 
     @property
     def score(self):
         return float(self.values.sum() + self.bore)
+
+    def rank(self, max_missing):
+        """By which rings are sorted: the score, less one for each place that must not be empty."""
+        return round(self.score - self.excess(max_missing), 4)
 
 
 def _judged(field, seeds, design, plane, rims, residuals, signs):

@@ -7,7 +7,6 @@ import numpy as np
 from ..circles import Circles
 from ..discs import fit_discs
 from .edges import N_RAYS, SERIES, _ellipses, _rims, _solve_series
-from .judge import EMPTY
 
 WHOLE = 0.6  # visible share of a place's own rim that determines an ellipse without help
 CUT_SIGMA = 0.5  # of the radius times the misfit of the shape: what is cut off moves the centre by about so much
@@ -44,7 +43,7 @@ def _measured_places(image, field, ring, design):
     cut = whole & ~like & (off < OFF) & (ring.shares < PART)
     states = np.where(whole & like, "measured", "partial").astype(object)
     states[whole & (off >= OFF) & (ring.shares < PART)] = "contradicted"
-    states[ring.values < EMPTY] = "missing"
+    states[ring.empty] = "missing"
     cut &= states == "partial"
     found = _by_own_rim(own, rims, centers, off)
     found[1][cut] += ((CUT_SIGMA * misshapen[cut] * found[2][cut]) ** 2)[:, None, None] * np.eye(2)

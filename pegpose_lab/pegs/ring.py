@@ -1,11 +1,13 @@
 """A ring of a given pattern in one picture: `locate_pegs` for a `RingPattern`."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..checks import DetectionError, Flag, as_number
 from .design import _design
 from .edges import _field, _refined
-from .judge import EMPTY, OWN_REACHES, WORTH, _agreement
+from .judge import OWN_REACHES, WORTH, _agreement
 from .measure import PegObservation
 from .places import _by_grey_values, _by_own_rim, _measured_places, _own_rims, _residual
 from .search import _followed, _no_seeds, _rings
@@ -19,6 +21,7 @@ LEAST_VALUE = 0.45  # mean over the places that are there: less is what texture 
 CLEAR_VALUE, CLEAR_VISIBLE = 0.65, 0.75  # mean value and visible share of the places; below these the ring is flagged
 MANY = 7  # places: their centres alone tell a ring, since four determine a homography
 MOST_SURE = 0.6  # of the places that are there: so many have to show a disc, as a part of one counts half
+REGION = 2.5  # of the discs' radius: part of the picture round the ring of the frame before that is looked at
 RIVAL = 0.85  # of the best ring's score
 PROPORTION = 0.15  # of the radius: more than what a marking by hand or a chamfer changes
 MISFIT = 2.5  # ratio of the residual to that of single ellipses, and
@@ -30,11 +33,11 @@ def _locate_ring(image, pattern, radius_range, previous):
     """The `PegObservation` of a ring."""
     design = _design(pattern)
     low, high = _radius_range(image, pattern, radius_range)
-    field = _field(image)
     if getattr(previous, "homography", None) is not None:
-        ring = _followed(field, design, previous)
-        if ring is not None:
-            return _observed(image, field, _no_seeds(), [ring], design, pattern, previous)
+        observation = _followed_ring(image, design, pattern, previous)
+        if observation is not None:
+            return observation
+    field = _field(image)
     seeds = _seeds(image, field, (low, high), pattern.polarity)
     if len(seeds) < 2:
         raise DetectionError(_nothing_seen(seeds, pattern, (low, high)))
@@ -43,6 +46,36 @@ def _locate_ring(image, pattern, radius_range, previous):
         raise DetectionError(_nothing_seen(seeds, pattern, (low, high)))
     _demand_ring(rings[0], seeds, pattern)
     return _observed(image, field, seeds, rings, design, pattern, previous)
+
+
+def _followed_ring(image, design, pattern, previous):
+    """The ring near the one of the frame before, in the part of the picture round that; None where it is not clear."""
+    reach = REGION * np.max(previous.peg_radii)
+    around = np.vstack([previous.peg_centers, *(previous.screw_centers if len(previous.screw_centers) else ())])
+    reach = max(reach, previous.bore_radius - np.ptp(previous.peg_centers, axis=0).max() / 2 + reach / 2)
+    low = np.clip(np.floor(around.min(axis=0) - reach), 0, None).astype(int)
+    high = np.ceil(around.max(axis=0) + reach).astype(int)
+    part = np.ascontiguousarray(image[low[1] : high[1], low[0] : high[0]])
+    if min(part.shape) < reach:
+        return None
+    before = _moved(previous, -low)
+    field = _field(part)
+    ring = _followed(field, design, pattern.max_missing, before)
+    return None if ring is None else _moved(_observed(part, field, _no_seeds(), [ring], design, pattern, before), low)
+
+
+def _moved(observation, step):
+    """An observation in a picture whose origin lies elsewhere."""
+    shift = np.array([[1.0, 0, step[0]], [0, 1, step[1]], [0, 0, 1]])
+    homography = shift @ observation.homography
+    return replace(
+        observation,
+        peg_centers=observation.peg_centers + step,
+        screw_centers=observation.screw_centers + step,
+        bore_center=observation.bore_center + step,
+        hub_center=observation.hub_center + step,
+        homography=homography / homography[2, 2],
+    )
 
 
 def _radius_range(image, pattern, radius_range):
@@ -61,7 +94,7 @@ def _radius_range(image, pattern, radius_range):
 
 def _demand_ring(ring, seeds, pattern):
     """Raise unless a ring is there, as far as places may be missing."""
-    n, there = pattern.n_places, ring.values[ring.values >= EMPTY]
+    n, there = pattern.n_places, ring.values[~ring.empty]
     best = f"the best ring shows {len(there)} of {n} places"
     if ring.excess(pattern.max_missing):
         raise DetectionError(
@@ -151,7 +184,7 @@ def _homography_of(ring, normal_from_pattern):
 
 def _is_rival(other, ring, pattern):
     """Whether another ring is as good as one that would be accepted."""
-    there = other.values >= EMPTY
+    there = ~other.empty
     return other.score > RIVAL * ring.score and not other.excess(pattern.max_missing) and there.any()
 
 
@@ -198,7 +231,7 @@ def _flags_of_marks(labels, pattern, bore_sigma):
 def _flags_of_ring(ring, visible, rivals, design, residual, ratio, bore_off):
     """Flags for a ring that may be another one."""
     flags = []
-    there = ring.values >= EMPTY
+    there = ~ring.empty
     if rivals:
         flags.append(Flag("rival-ring", f"{len(rivals)} other rings fit the pattern nearly as well"))
     off = ring.plane.radius / design.radius - 1

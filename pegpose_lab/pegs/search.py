@@ -4,13 +4,14 @@ import numpy as np
 
 from .consensus import _hypotheses, _images
 from .edges import _rims
-from .judge import EMPTY, WORTH, _judged, _own
+from .judge import WORTH, _judged, _own
 from .plane import _fit_plane, _fit_to_ellipses, _is_sane, _Plane, _starts
 from .seeds import _Seeds
 
 CLEAR = 0.85  # value of a ring, and share of all its rims, that leaves little to look for
 HOPELESS = 0.6  # of the best votes: after a clear ring, others with less are no rivals
 FOLLOWED_REACHES = (0.8, 0.5, 0.3, 0.15, 0.08)  # of the radius: a frame moves a disc less than that, or is searched
+FOLLOWED_SIZE = 0.1  # change of a radius, relative to the ring, that is none of the same edge
 MOST_FITTED = 8  # hypotheses that are drawn to the edges
 LAST_REACHES = (0.12, 0.08, 0.08, 0.08)  # of the radius, for the ring that is returned
 LOST_BY_POLISHING = 0.05  # score, of chance
@@ -25,17 +26,17 @@ def _rings(field, seeds, design, max_missing):
         if found and vote < HOPELESS * votes[0] and max(ring.values.mean() for ring in found) > CLEAR:
             break
         found += _versions(field, seeds, design, homography)
-    found.sort(key=lambda ring: -round(ring.score - ring.excess(max_missing), 4))
+    found.sort(key=lambda ring: -ring.rank(max_missing))
     rings = _without_twins(found, design)
-    return [_polished(field, seeds, design, rings[0]), *rings[1:]] if rings else []
+    return [_polished(field, seeds, design, max_missing, rings[0]), *rings[1:]] if rings else []
 
 
-def _polished(field, seeds, design, ring):
+def _polished(field, seeds, design, max_missing, ring):
     """The ring drawn once more to the edges of the places that are there, if that makes it no worse."""
-    used = ring.values >= EMPTY
+    used = ~ring.empty
     fit = _fit_plane(field, ring.plane, design.places, design.signs, design.radius, LAST_REACHES, used)
     again = ring if fit is None else _judged(field, seeds, design, *fit)
-    return again if again.score > ring.score - LOST_BY_POLISHING else ring
+    return again if again.rank(max_missing) > ring.rank(max_missing) - LOST_BY_POLISHING else ring
 
 
 def _versions(field, seeds, design, homography):
@@ -85,20 +86,21 @@ def _without_twins(rings, design):
     return kept
 
 
-def _followed(field, design, previous):
-    """The ring of the frame before where it moved little: all rims clear at once; None elsewhere."""
+def _followed(field, design, max_missing, previous):
+    """The ring of the frame before where it moved little: all rims that were seen are clear at once; None elsewhere."""
     homography = previous.homography @ np.linalg.inv(design.normal_from_pattern)
     plane = _Plane(homography / homography[2, 2], design.radius)
-    radii = np.asarray(previous.peg_radii)[[state == "measured" for state in previous.states]]
-    if len(radii) == 0 or not _is_sane(plane, plane.outlines(design.places)):
+    used = np.array([state == "measured" for state in previous.states])
+    if used.sum() < min(3, len(used)) or not _is_sane(plane, plane.outlines(design.places)):
         return None
-    size = np.sqrt(np.linalg.det(plane.ellipses(design.places)[1]))
-    plane = _Plane(plane.homography, plane.radius * float(np.median(radii) / np.median(size)))
-    fit = _fit_plane(field, plane, design.places, design.signs, plane.radius, FOLLOWED_REACHES)
-    if fit is None:
+    size = np.sqrt(np.linalg.det(plane.ellipses(design.places)[1]))[used]
+    radius = plane.radius * float(np.median(np.asarray(previous.peg_radii)[used]) / np.median(size))
+    start = _Plane(plane.homography, radius)
+    fit = _fit_plane(field, start, design.places, design.signs, radius, FOLLOWED_REACHES, used)
+    if fit is None or abs(np.log(fit[0].radius / radius)) > FOLLOWED_SIZE:
         return None
     ring = _judged(field, _no_seeds(), design, *fit)
-    return ring if ring.shares.min() > CLEAR and abs(np.log(fit[0].radius / plane.radius)) < 0.1 else None
+    return ring if ring.shares[used].min() > CLEAR and not ring.excess(max_missing) else None
 
 
 def _no_seeds():

@@ -10,6 +10,7 @@ from .edges import _refined
 
 SENSITIVITY = 0.95  # of the search: the pattern sorts out what is no disc
 MOST_CIRCLES = 60  # of one polarity in one picture, the best by their score
+SMALL = 6.0  # px: radius that the smallest discs have in the reduced picture in which connected parts are looked for
 N_LEVELS = 12  # grey levels at which connected parts are looked at
 MOST_SEEDS = 120  # the best by the visible share of their rim
 FILL = 0.12  # how much a part's area may differ from that of the ellipse with its moments
@@ -42,7 +43,11 @@ def _seeds(image, field, radius_range, polarity):
     signs = {"bright": (1,), "dark": (-1,), "either": (1, -1)}[polarity]
     views = (image, _logarithm(image))
     found = [_circles(view, radius_range, sign) for view in views for sign in signs]
-    found += [_parts(image, radius_range, sign) for sign in signs]
+    step = max(int(radius_range[0] / SMALL), 1)
+    small = image if step == 1 else cv2.resize(image, None, fx=1 / step, fy=1 / step, interpolation=cv2.INTER_AREA)
+    back = np.array([image.shape[1] / small.shape[1], image.shape[0] / small.shape[0]])
+    limits = radius_range[0] / step, radius_range[1] / step
+    found += [_enlarged(_parts(small, limits, sign), back) for sign in signs]
     rows = np.vstack(found)
     centers, shapes = rows[:, :2], rows[:, 2:6].reshape(-1, 2, 2)
     if len(rows) == 0:
@@ -50,6 +55,12 @@ def _seeds(image, field, radius_range, polarity):
     centers, shapes, shares, _ = _refined(field, centers, shapes, rows[:, 6])
     seeds = _Seeds(centers, shapes, shares, rows[:, 6])
     return _without_twins(seeds[_is_usable(seeds, radius_range, image.shape)])
+
+
+def _enlarged(rows, back):
+    """Rows of a reduced picture in the full one; `back` (2,) is the factor in x and y."""
+    centers = (rows[:, :2] + 0.5) * back - 0.5
+    return np.hstack([centers, rows[:, 2:6] * np.repeat(back, 2), rows[:, 6:]])
 
 
 def _logarithm(image):
