@@ -10,6 +10,7 @@ SMOOTHING = 1.0  # px, Gaussian before the gradient
 LEAST_GRADIENT = 1.0  # grey values per px: slower changes are shading
 NOISE_GRADIENT = 0.6  # of the noise: three standard deviations of what it leaves in the smoothed gradient
 WEAKER = 0.25  # of the usual strength of a rim's edges: weaker ones lose against stronger ones near by
+WEAK_PART = 0.3  # of a rim: how strong it is counts without its weakest part
 CLEAR = 0.6  # directedness of an edge: the gradient points across the rim, within 53 degrees
 LEAST_REACH = 2.5  # px: edges are looked for so far away at least, where other edges show whether that is chance
 TOLERANCE = (0.8, 0.015)  # px, and part of the radius: how near the edges of one ellipse lie to it
@@ -43,10 +44,12 @@ class _Outlines:
 
 @dataclass(frozen=True, eq=False)
 class _Rims:
-    """Edges found along outlines, (k, N_RAYS) each: offset (in the outline's unit), weight, 0 where there is none."""
+    """Edges found along outlines, (k, N_RAYS) each: offset (in the outline's unit), weight, 0 where there is none, and
+    how strong each is, grey values per px."""
 
     offsets: np.ndarray
     weights: np.ndarray
+    strengths: np.ndarray | None = None
 
 
 def _field(image):
@@ -110,7 +113,7 @@ def _rims(field, outlines, signs, reach, steps=None):
     bend = before - 2 * here + after
     shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, 1), 0)
     found = offsets[best[:, :, 0]] + np.clip(shift, -0.5, 0.5) * (offsets[1] - offsets[0])
-    return _Rims(found, np.where(weights > 0, weights, 0)), signs
+    return _Rims(found, np.where(weights > 0, weights, 0), here), signs
 
 
 def _visible(rims, residuals, tolerance):
@@ -135,7 +138,8 @@ def _solve_series(rims, scale):
 
 
 def _refined(field, centers, shapes, signs, reaches=(0.35, 0.25, 0.15)):
-    """Ellipses drawn to the edges around them: centres (k, 2), shapes (k, 2, 2), visible shares (k,), polarity (k,)."""
+    """Ellipses drawn to the edges around them: centres (k, 2), shapes (k, 2, 2), visible shares, strengths, polarities (k,)
+    each."""
     for reach in reaches:
         outlines = _ellipses(centers, shapes)
         rims, found = _rims(field, outlines, signs, max(reach, LEAST_REACH / float(np.median(outlines.px))))
@@ -147,4 +151,5 @@ def _refined(field, centers, shapes, signs, reaches=(0.35, 0.25, 0.15)):
         centers = centers + (shapes @ steps[:, 1:3, None])[:, :, 0]
         shapes = shapes @ grow
     tolerance = TOLERANCE[0] / outlines.px + TOLERANCE[1]
-    return centers, shapes, _visible(rims, residuals, tolerance), found
+    strengths = np.sort(rims.strengths * (rims.weights > 0), axis=1)[:, int(WEAK_PART * N_RAYS)]
+    return centers, shapes, _visible(rims, residuals, tolerance), strengths, found

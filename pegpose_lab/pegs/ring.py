@@ -198,8 +198,8 @@ def _bore(image, field, ring, design):
     expected = float(np.sqrt(np.linalg.det(shapes[0])))
     if _agreement(centers, shapes, *own[:2])[0] * own[2][0] < WORTH:
         return centers[0], expected, np.full(2, np.inf), 0.0
-    found = _by_own_rim(own, _own_rims(field, *own[:2], own[3]), centers, np.zeros(1))
-    found = _by_grey_values(image, found, np.array(["measured"]), own[3])
+    found = _by_own_rim(own, _own_rims(field, *own[:2], own[4]), centers, np.zeros(1))
+    found = _by_grey_values(image, found, np.array(["measured"]), own[4])
     return found[0][0], float(found[2][0]), np.sqrt(np.diagonal(found[1][0])), found[2][0] / expected - 1
 
 

@@ -104,4 +104,4 @@ def _followed(field, design, max_missing, previous):
 
 
 def _no_seeds():
-    return _Seeds(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0), np.empty(0))
+    return _Seeds(np.empty((0, 2)), np.empty((0, 2, 2)), *np.empty((3, 0)))

@@ -14,17 +14,21 @@ SMALL = 6.0  # px: radius that the smallest discs have in the reduced picture in
 N_LEVELS = 12  # grey levels at which connected parts are looked at
 MOST_SEEDS = 120  # the best by the visible share of their rim
 FILL = 0.12  # how much a part's area may differ from that of the ellipse with its moments
+OVERLAP, LIKE_SIZE = 0.7, 1.5  # of the radius, between centres, and ratio of the radii of two rims of one disc
+STRONGER, CLEAR_RIM = 2.5, 0.8  # ratio of the strengths, and visible share, with which one of them wins
 LARGEST_RATIO = 3.0  # of the axes
 
 
 @dataclass(frozen=True, eq=False)
 class _Seeds:
-    """Ellipses: centers (k, 2) px, shapes (k, 2, 2) px, visible shares (k,), signs (k,): +1 bright, -1 dark."""
+    """Ellipses: centers (k, 2) px, shapes (k, 2, 2) px, visible shares (k,), signs (k,): +1 bright, -1 dark;
+    how strong their edges are (k,), grey values per px."""
 
     centers: np.ndarray
     shapes: np.ndarray
     shares: np.ndarray
     signs: np.ndarray
+    strengths: np.ndarray
 
     @property
     def radii(self):
@@ -35,7 +39,7 @@ class _Seeds:
         return len(self.centers)
 
     def __getitem__(self, rows):
-        return _Seeds(self.centers[rows], self.shapes[rows], self.shares[rows], self.signs[rows])
+        return _Seeds(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
 def _seeds(image, field, radius_range, polarity):
@@ -51,10 +55,11 @@ def _seeds(image, field, radius_range, polarity):
     rows = np.vstack(found)
     centers, shapes = rows[:, :2], rows[:, 2:6].reshape(-1, 2, 2)
     if len(rows) == 0:
-        return _Seeds(centers, shapes, rows[:, 6], rows[:, 6])
-    centers, shapes, shares, _ = _refined(field, centers, shapes, rows[:, 6])
-    seeds = _Seeds(centers, shapes, shares, rows[:, 6])
-    return _without_twins(seeds[_is_usable(seeds, radius_range, image.shape)])
+        return _Seeds(centers, shapes, rows[:, 6], rows[:, 6], rows[:, 6])
+    centers, shapes, shares, strengths, _ = _refined(field, centers, shapes, rows[:, 6])
+    seeds = _Seeds(centers, shapes, shares, rows[:, 6], strengths)
+    seeds = seeds[_is_usable(seeds, radius_range, image.shape)]
+    return _without_twins(seeds[~_is_beaten(seeds)])
 
 
 def _enlarged(rows, back):
@@ -122,6 +127,14 @@ def _is_usable(seeds, radius_range, shape):
     inside = ((seeds.centers > 0) & (seeds.centers < np.array(shape)[::-1] - 1)).all(axis=1)
     fits = (size > 0.85 * radius_range[0]) & (size < 1.15 * radius_range[1])
     return inside & fits & (singular[:, 0] < LARGEST_RATIO * singular[:, 1]) & (seeds.shares > 0.25)
+
+
+def _is_beaten(seeds):
+    """Whether (k,) a clear ellipse of like size overlaps much whose edges are far stronger: one disc has one rim."""
+    apart = np.linalg.norm(seeds.centers[:, None] - seeds.centers, axis=2) < OVERLAP * seeds.radii
+    like = np.abs(np.log(seeds.radii[:, None] / seeds.radii)) < np.log(LIKE_SIZE)
+    stronger = (seeds.strengths > STRONGER * seeds.strengths[:, None]) & (seeds.shares > CLEAR_RIM)
+    return (apart & like & stronger).any(axis=1)
 
 
 def _without_twins(seeds):
