@@ -15,6 +15,7 @@ OFF = 0.12  # of the radius: distance of a place's own centre from the ring's, o
 MISSHAPEN = 0.15  # how much a semi-axis may differ from that of a circle in the ring's plane
 FIT_AGREES = 0.1  # of the radius (at least a pixel): between a place's own rim and the fit to the grey values
 MODEL_HOLDS = 1.5  # chi2 of that fit: beyond, it depends on which sectors it leaves out, and jumps from frame to frame
+BY_CHANCE = 9.0  # squared distance in sigmas between a place and the ring that does not widen its covariance
 LAGS = 6  # rays whose errors may go together
 
 
@@ -50,7 +51,7 @@ def _measured_places(image, field, ring, design):
     rows = np.flatnonzero((states == "partial") & ~cut)
     found = _by_shape_of_ring(found, rows, ring, design, centers, shapes)
     found = _by_grey_values(image, found, states, ring.signs)
-    covariances = found[1]
+    covariances = _widened(found, np.flatnonzero(states == "measured"), centers)
     covariances[states == "missing"] = np.diag([np.inf, np.inf])
     radii = np.where(states == "missing", np.sqrt(np.linalg.det(shapes)), found[2])
     places = np.where((states == "missing")[:, None], centers, found[0])
@@ -139,6 +140,18 @@ def _by_grey_values(image, found, states, signs):
         found[1][some[good]] = discs.covariance[good][:, :2, :2]
         found[2][some[good]] = discs.radii[good]
     return found
+
+
+def _widened(found, rows, centers):
+    """The covariances, wider where a place's centre departs from the ring's by more than chance: of competing edges, it
+    may have another one than the others."""
+    covariances = found[1]
+    for k in rows:
+        gap = found[0][k] - centers[k]
+        square = float(gap @ np.linalg.solve(covariances[k], gap))
+        if square > BY_CHANCE:
+            covariances[k] += np.outer(gap, gap) * (1 - BY_CHANCE / square)
+    return covariances
 
 
 def _residual(ring, design, states):
