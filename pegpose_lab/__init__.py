@@ -90,6 +90,8 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .corners import find_corners as find_corners
     from .discs import Discs as Discs
     from .discs import fit_discs as fit_discs
+    from .patterns import RingMark as RingMark
+    from .patterns import RingPattern as RingPattern
     from .pegs import PegObservation as PegObservation
     from .pegs import locate_pegs as locate_pegs
     from .pegs import track_pegs as track_pegs
@@ -113,6 +115,8 @@ _HOME = {
     "OpenCVCamera": "camera",
     "Checkerboard": "targets",
     "Hub": "targets",
+    "RingMark": "patterns",
+    "RingPattern": "patterns",
     "render_board": "render",
     "render_hub": "render",
     "Segmentation": "segmentation",

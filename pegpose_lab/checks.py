@@ -65,6 +65,15 @@ class Flag(str):
     drawn-not-found           the objective is the same everywhere: the solution is arbitrary
     bore-not-measured         the bore was found, but its edge could not be measured
     screw-not-measured        a screw was found, but its edge could not be measured
+    place-missing             a place of the ring is empty
+    place-contradicted        a place of the ring has a rim that is not that of the ring's discs
+    labels-undecided          the ring looks the same after a turn, and nothing says which is right
+    rival-ring                other rings in the picture fit the pattern nearly as well
+    further-disc              like discs lie on the ring between its places
+    other-proportions         the discs or the bore have another size than the pattern says
+    weak-ring                 few places are seen, or their rims are not clear
+    ring-misfit               the rims are not those of equal discs in one plane
+    steep-view                the ring is seen at a steep angle
     unknown                   a sentence alone, as in a file of an earlier version
     ========================  =======================================================================
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .checks import as_count, as_number
+from .patterns import RingMark, RingPattern
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -140,6 +141,18 @@ class Hub:
     def bore_center(self) -> NDArray[np.float64]:
         """Centre of the bore (3,), mm in the hub frame."""
         return np.array([0.0, 0.0, self.peg_height])
+
+    @property
+    def pattern(self) -> RingPattern:
+        """The pegs as a `RingPattern`, mm; bore and screws are marks in the plane of the peg tops, as seen from above."""
+        screws = [RingMark(tuple(screw[:2].tolist()), self.screw_radius) for screw in self.screw_centers]
+        return RingPattern(
+            self.n_pegs,
+            pitch_radius=self.pitch_circle_diameter / 2,
+            disc_radius=self.peg_radius,
+            bore=self.bore_radius,
+            marks=screws,
+        )
 
 
 def _on_circle(radius, angles, z):

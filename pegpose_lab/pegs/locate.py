@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import DetectionError, as_image
+from ..patterns import RingPattern
 from ..segmentation import segment
 from .candidates import _part_circles
 from .labels import _choose, _labellings, _nearest, _screw_places
 from .measure import _measure
+from .ring import _locate_ring
 from .rings import _find_rings, _neighbours
 
 if TYPE_CHECKING:
@@ -22,13 +24,14 @@ if TYPE_CHECKING:
 
 def locate_pegs(
     image: ArrayLike,
-    hub: Hub,
+    hub: Hub | RingPattern,
     *,
+    radius_range: tuple[float, float] | None = None,
     previous: PegObservation | None = None,
     min_area: float | None = None,
     threshold: float | None = None,
 ) -> PegObservation:
-    """Find a hub's pegs, bore and screws (bright discs) and label them.
+    """Find a hub's pegs, bore and screws (bright discs), or any ring of equal discs, and label them.
 
     Labels run clockwise on the screen (about the hub's z axis, away from the camera) from the gap with the
     first screw, as in Table 2; the paper's "anticlockwise" holds with y up.  Where the screws leave several
@@ -36,14 +39,21 @@ def locate_pegs(
     decides: the labels are those with which the pegs move least relative to their middle.  Without it the first
     screw is the one further left in the image, of two equally far left the upper one.
 
+    Of a `RingPattern` the places may be bright or dark, on any ground, and some may be empty.  Ellipses of like
+    size, in the picture and its logarithm, vote for the pattern's image; a homography and one radius are then fitted to the
+    edges of all discs together, which decides between competing edges, and each place is judged by its own.  Marks
+    decide the labels, else `previous`; else place 1 is the one further left, and `turns` has the other possible ones.
+
     Parameters
     ----------
     image : (height, width) uint8
-    hub : Hub
+    hub : Hub or RingPattern
+    radius_range : (r_min, r_max) px, optional
+        Radii of a ring's discs; by default all that a ring in the picture can have, which takes longer.
     previous : PegObservation, optional
         The same hub in the frame before.
     min_area, threshold : float, optional
-        As for `segment`; `min_area` has to be below the area of a screw (px).
+        For a hub, as for `segment`; `min_area` has to be below the area of a screw (px).
 
     Returns
     -------
@@ -55,7 +65,8 @@ def locate_pegs(
         If an argument is unusable.
     DetectionError
         If a part is missing or a peg's edge cannot be measured, screws fit more than one labelling, or the
-        hub turned so far since `previous` that the labels cannot be carried over.
+        hub turned so far since `previous` that the labels cannot be carried over.  For a ring, if more than `max_missing`
+        places are empty, or the picture shows none; the message says what was seen.
 
     Examples
     --------
@@ -68,10 +79,22 @@ def locate_pegs(
     >>> observation = pl.locate_pegs(image, hub)
     >>> observation.peg_centers.round().tolist()
     [[111.0, 119.0], [232.0, 55.0], [296.0, 176.0], [175.0, 240.0]]
+
+    The same ring, described without screws, and with the bore that is the only thing in its middle:
+
+    >>> ring = pl.RingPattern(4, pitch_radius=48.5, disc_radius=10.1)
+    >>> observation = pl.locate_pegs(image, ring, radius_range=(12, 30))
+    >>> observation.peg_centers.round().tolist(), observation.states[0]
+    ([[111.0, 119.0], [232.0, 55.0], [296.0, 176.0], [175.0, 240.0]], 'measured')
+    >>> observation.labelled_by, len(observation.turns)
+    ('nothing', 4)
     """
     image = as_image(image)
-    if previous is not None and np.shape(getattr(previous, "peg_centers", None)) != (hub.n_pegs, 2):
-        raise ValueError(f"previous is not a PegObservation of {hub.n_pegs} pegs")
+    n = hub.n_places if isinstance(hub, RingPattern) else hub.n_pegs
+    if previous is not None and np.shape(getattr(previous, "peg_centers", None)) != (n, 2):
+        raise ValueError(f"previous is not a PegObservation of {n} pegs")
+    if isinstance(hub, RingPattern):
+        return _locate_ring(image, hub, radius_range, previous)
     segmentation = segment(image, min_area=min_area, threshold=threshold)
     try:
         return _locate(image, segmentation, hub, previous)
@@ -96,8 +119,19 @@ def _locate(image, segmentation, hub, previous):
     for ring in rings:
         labellings = _labellings(image, circles, ring, hub)
         if labellings:
-            return _measure(image, circles, ring, _choose(labellings, circles, previous), hub)
+            chosen = _choose(labellings, circles, previous)
+            return _measure(image, circles, ring, chosen, hub, *_remaining(labellings, chosen, previous))
     raise DetectionError(_missing_screws(circles, rings[0], hub))
+
+
+def _remaining(labellings, chosen, previous):
+    """What decided the labels, and the labellings (m, n_pegs) that remain, as indices into the chosen one."""
+    if len(labellings) == 1 or previous is not None:
+        by = "mark" if len(labellings) == 1 else "previous frame"
+        return by, np.arange(len(chosen.pegs))[None]
+    place = {int(peg): k for k, peg in enumerate(chosen.pegs)}
+    turns = [[place[int(peg)] for peg in labelling.pegs] for labelling in labellings]
+    return "nothing", np.array(sorted(turns))
 
 
 # ---- what to say when something is missing ----

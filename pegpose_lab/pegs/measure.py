@@ -8,6 +8,7 @@ import numpy as np
 from ..checks import DetectionError, Flag
 from ..discs import fit_discs
 from .candidates import _as_circles
+from .edges import _ellipses, _field, _rims, _visible
 from .rings import RADIUS_TOLERANCE
 
 SHAPE_TOLERANCE = 0.03  # of a peg's semi-axes, against what the other pegs' places make of it
@@ -15,7 +16,9 @@ SHAPE_TOLERANCE = 0.03  # of a peg's semi-axes, against what the other pegs' pla
 
 @dataclass(frozen=True, eq=False)
 class PegObservation:
-    """The parts of a hub in one image; rows in label order.
+    """The parts of a hub, or of a ring of a `RingPattern`, in one image; rows in label order.
+
+    Of a ring without bore, `bore_center` is the image of the ring's middle, with radius 0; the screws are its marks.
 
     Attributes
     ----------
@@ -34,7 +37,25 @@ class PegObservation:
     flags : tuple of Flag
         A sentence with a code for the bore and each screw that was found but could not be measured, "screw 2: edge
         hidden" (the reasons are those of `fit_discs`, or "no disc there").  Centre and radius are then those of the
-        Hough transform (accurate to a pixel or two), the sigmas infinite.  Pegs are always measured.
+        Hough transform (accurate to a pixel or two), the sigmas infinite.  A hub's pegs are always measured; of a ring
+        there may be more flags, see `Flag`.
+    peg_covariances : (n_pegs, 2, 2) ndarray
+        Of `peg_centers`, px^2; infinite for a missing one, whose centre is where the others have it.
+    states : tuple of str
+        "measured"; "partial": part of the rim is seen, and the ring gives the shape; "missing": the place is empty;
+        "contradicted": there is a rim, but not that of a disc of this ring, and the covariance covers both.
+    visible : (n_pegs,) ndarray
+        Part of each rim that is seen, 0 to 1.
+    homography : (3, 3) ndarray
+        From the plane of the pegs (x, y in mm, or the pattern's unit) to the image.
+    residual, residual_over_sigma : float
+        Rms distance of the rims from the images of equal discs in one plane, px, and its ratio to what is left if each
+        disc has an ellipse of its own; 0 for a hub, whose discs are fitted one by one.
+    labelled_by : {"mark", "previous frame", "nothing"}
+    turns : (m, n_pegs) ndarray of int
+        The labellings that remain possible: ``peg_centers[turn]``; the first changes nothing.
+    rivals : tuple of (3, 3) ndarray
+        Homographies of other rings that fit the pattern nearly as well.
 
     Examples
     --------
@@ -60,18 +81,28 @@ class PegObservation:
     bore_radius: float
     bore_sigma: np.ndarray
     flags: tuple[Flag, ...] = ()
+    peg_covariances: np.ndarray | None = None
+    states: tuple[str, ...] = ()
+    visible: np.ndarray | None = None
+    homography: np.ndarray | None = None
+    residual: float = 0.0
+    residual_over_sigma: float = 0.0
+    labelled_by: str = "nothing"
+    turns: np.ndarray | None = None
+    rivals: tuple[np.ndarray, ...] = ()
 
 
 # ---- measuring ----
 
 
-def _measure(image, circles, ring, labelling, hub):
+def _measure(image, circles, ring, labelling, hub, labelled_by, turns):
     """Measure the chosen pegs, bore and screws by ellipse fits."""
     n, n_screws = hub.n_pegs, len(labelling.screws)
     index = np.append(labelling.pegs, ring.bore)
     located = np.vstack([np.column_stack([circles.centers[index], circles.radii[index]]), labelling.screws])
     names = [f"peg {k + 1}" for k in range(n)] + ["bore"] + [f"screw {k + 1}" for k in range(n_screws)]
-    parts, sigmas, reasons, shapes = _fit_parts(image, located)
+    parts, covariances, reasons, shapes = _fit_parts(image, located)
+    sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     _check_fits(reasons, names, n)
     _check_shapes(parts[:n, :2], shapes[:n], hub)
     return PegObservation(
@@ -86,13 +117,34 @@ def _measure(image, circles, ring, labelling, hub):
         bore_radius=float(parts[n, 2]),
         bore_sigma=sigmas[n],
         flags=_flags_of(names, reasons),
+        peg_covariances=covariances[:n],
+        states=("measured",) * n,
+        visible=_visible_rims(image, parts[:n, :2], shapes[:n]),
+        homography=_homography(parts[:n, :2], hub),
+        labelled_by=labelled_by,
+        turns=turns,
     )
+
+
+def _visible_rims(image, centers, shapes):
+    """The visible shares (n,) of the pegs' rims, each in its own part of the image."""
+    shares = np.empty(len(centers))
+    for k, (center, shape) in enumerate(zip(centers, shapes, strict=True)):
+        reach = 1.3 * np.sqrt(np.linalg.eigvalsh(shape)[-1]) + 4
+        low = np.maximum(np.floor(center - reach), 0).astype(int)
+        high = np.ceil(center + reach).astype(int)
+        part = np.ascontiguousarray(image[low[1] : high[1], low[0] : high[0]])
+        root = np.linalg.cholesky(shape)
+        outlines = _ellipses((center - low)[None], root[None])
+        rims, _ = _rims(_field(part), outlines, np.ones(1), 2.5 / float(outlines.px.mean()))
+        shares[k] = _visible(rims, rims.offsets * outlines.px, 1.0)[0]
+    return shares
 
 
 def _fit_parts(image, located):
     """Measure the circles `located` (k, 3).
 
-    Returns x, y, radius (k, 3), sigmas of x and y (k, 2), why a part could not be measured, "" where it was, and
+    Returns x, y, radius (k, 3), covariances of x and y (k, 2, 2), why a part could not be measured, "" where it was, and
     the shapes (k, 2, 2): matrices with the squares of the semi-axes as eigenvalues.  What cannot be
     measured stays where it was located, with infinite sigmas.
     """
@@ -106,7 +158,7 @@ def _fit_parts(image, located):
     axes = np.array([[cos, -sin], [sin, cos]]).transpose(2, 0, 1) * discs.semi_axes[:, None, :]
     return (
         np.where(measured[:, None], fitted, located),
-        np.where(measured[:, None], discs.sigmas[:, :2], np.inf),
+        np.where(measured[:, None, None], discs.covariance[:, :2, :2], np.diag([np.inf, np.inf])),
         [str(reason) for reason in reasons],
         axes @ axes.transpose(0, 2, 1),
     )

@@ -12,14 +12,16 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
+    from ..patterns import RingPattern
     from ..targets import Hub
     from .measure import PegObservation
 
 
 def track_pegs(
     frames: Iterable[ArrayLike],
-    hub: Hub,
+    hub: Hub | RingPattern,
     *,
+    radius_range: tuple[float, float] | None = None,
     previous: PegObservation | None = None,
     min_area: float | None = None,
     threshold: float | None = None,
@@ -29,7 +31,7 @@ def track_pegs(
     Parameters
     ----------
     frames : iterable of (height, width) uint8
-    hub, previous, min_area, threshold
+    hub, radius_range, previous, min_area, threshold
         As for `locate_pegs`; `previous` is for the first frame.
 
     Yields
@@ -57,7 +59,9 @@ def track_pegs(
     """
     for number, frame in enumerate(frames, 1):
         try:
-            previous = locate_pegs(frame, hub, previous=previous, min_area=min_area, threshold=threshold)
+            previous = locate_pegs(
+                frame, hub, radius_range=radius_range, previous=previous, min_area=min_area, threshold=threshold
+            )
         except DetectionError as error:
             raise DetectionError(f"frame {number}: {error}") from error
         yield previous

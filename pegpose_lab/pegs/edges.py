@@ -1,0 +1,155 @@
+"""Directed edges along outlines: where the grey values fall (or rise) across a disc's rim, whatever the contrast."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+N_RAYS = 48  # directions in which a disc's rim is looked at
+SMOOTHING = 1.0  # px, Gaussian before the gradient
+LEAST_GRADIENT = 1.0  # grey values per px: slower changes are shading
+NOISE_GRADIENT = 0.6  # of the noise: three standard deviations of what it leaves in the smoothed gradient
+WEAKER = 0.25  # of the usual strength of a rim's edges: weaker ones lose against stronger ones near by
+WEAK_PART = 0.3  # of a rim: how strong it is counts without its weakest part
+CLEAR = 0.6  # directedness of an edge: the gradient points across the rim, within 53 degrees
+LEAST_REACH = 2.5  # px: edges are looked for so far away at least, where other edges show whether that is chance
+TOLERANCE = (0.8, 0.015)  # px, and part of the radius: how near the edges of one ellipse lie to it
+
+_TURN = np.arange(N_RAYS) * (2 * np.pi / N_RAYS)
+RAYS = np.column_stack([np.cos(_TURN), np.sin(_TURN)])
+SERIES = np.column_stack([np.ones(N_RAYS), RAYS, np.cos(2 * _TURN), np.sin(2 * _TURN)])
+
+
+@dataclass(frozen=True, eq=False)
+class _Field:
+    """The gradient of a picture (height, width, 2), grey values per px, and what counts as weak."""
+
+    gradient: np.ndarray
+    weak: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Outlines:
+    """k closed curves: points, what a unit of offset moves them by, and outward normals, (k, N_RAYS, 2) each."""
+
+    points: np.ndarray
+    along: np.ndarray
+    normals: np.ndarray
+
+    @property
+    def px(self):
+        """Distance along the normal, px, for an offset of 1: (k, N_RAYS)."""
+        return np.abs((self.along * self.normals).sum(axis=2))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rims:
+    """Edges found along outlines, (k, N_RAYS) each: offset (in the outline's unit), weight, 0 where there is none, and
+    how strong each is, grey values per px."""
+
+    offsets: np.ndarray
+    weights: np.ndarray
+    strengths: np.ndarray | None = None
+
+
+def _field(image):
+    """The gradient field of a grey picture."""
+    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), SMOOTHING)
+    gradient = [cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))]
+    laplace = cv2.filter2D(image[::2].astype(np.float32), -1, np.float32([[1, -2, 1], [-2, 4, -2], [1, -2, 1]]))
+    noise = float(np.sqrt(np.pi / 2) / 6 * np.median(np.abs(laplace)) / 0.8453)
+    return _Field(np.dstack(gradient), max(LEAST_GRADIENT, NOISE_GRADIENT * noise))
+
+
+def _ellipses(centers, shapes):
+    """Outlines of ellipses centre + shape @ (cos, sin); the unit of offset is the ellipse itself."""
+    along = RAYS @ shapes.transpose(0, 2, 1)
+    normals = RAYS @ np.linalg.inv(shapes)
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    return _Outlines(centers[:, None] + along, along, normals)
+
+
+def _directed(field, outlines, offsets):
+    """Gradient across the outlines at `offsets` (t,): strength and directedness (k, N_RAYS, t), inward positive."""
+    places = outlines.points[:, :, None] + outlines.along[:, :, None] * offsets[:, None]
+    k, flat = len(places), places.reshape(len(places) * N_RAYS, -1, 2).astype(np.float32)
+    sampled = [
+        cv2.remap(field.gradient, np.ascontiguousarray(part), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        for part in np.array_split(flat, len(flat) // 30_000 + 1)
+    ]
+    gradient = np.concatenate(sampled).reshape(k, N_RAYS, -1, 2)
+    strength = -np.einsum("kmtc,kmc->kmt", gradient, outlines.normals.astype(np.float32))
+    size = np.sqrt((gradient**2).sum(axis=3) + field.weak**2)
+    return strength, strength / size
+
+
+def _signed(strength, directed, signs, offsets, reach):
+    """Both with the discs' polarity: +1 bright, -1 dark, 0 what the rim near the outline says."""
+    near = np.exp(-0.5 * (offsets / reach) ** 2)
+    lean = [(np.maximum(sign * directed, 0) * near).max(axis=2).sum(axis=1) for sign in (1, -1)]
+    signs = np.where(signs == 0, np.where(lean[0] >= lean[1], 1, -1), signs)
+    return strength * signs[:, None, None], directed * signs[:, None, None], signs
+
+
+def _rims(field, outlines, signs, reach, steps=None):
+    """The directed edge nearest to each point of the outlines within `reach` (in the outline's unit).
+
+    An edge is a maximum of the directed gradient; near ones count more than those far away (Gaussian, reach / 2).
+    """
+    longest = float(outlines.px.max(initial=1.0)) * reach
+    steps = steps or int(np.clip(np.ceil(longest / 0.75), 4, 24))
+    offsets = np.linspace(-reach, reach, 2 * steps + 1)
+    strength, directed = _directed(field, outlines, np.concatenate([offsets, offsets[-1:] + reach / steps]))
+    strength, directed, signs = _signed(strength[:, :, :-1], directed[:, :, :-1], signs, offsets, reach / 2)
+    peak = np.zeros(strength.shape, bool)
+    peak[:, :, 1:-1] = (strength[:, :, 1:-1] > strength[:, :, :-2]) & (strength[:, :, 1:-1] >= strength[:, :, 2:])
+    value = np.where(peak & (directed > CLEAR), directed * np.exp(-0.5 * (offsets / (reach / 2)) ** 2), 0)
+    best_strength = np.where(value > 0, strength, 0).max(axis=2)
+    usual = np.sort(best_strength, axis=1)[:, int(0.8 * N_RAYS)][:, None, None]
+    value *= strength / (strength.clip(0) + WEAKER * usual + 1e-9)
+    best = np.clip(value.argmax(axis=2), 1, len(offsets) - 2)[:, :, None]
+    weights = np.take_along_axis(value, best, axis=2)[:, :, 0]
+    before, here, after = (np.take_along_axis(strength, best + step, axis=2)[:, :, 0] for step in (-1, 0, 1))
+    bend = before - 2 * here + after
+    shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, 1), 0)
+    found = offsets[best[:, :, 0]] + np.clip(shift, -0.5, 0.5) * (offsets[1] - offsets[0])
+    return _Rims(found, np.where(weights > 0, weights, 0), here), signs
+
+
+def _visible(rims, residuals, tolerance):
+    """The share of each outline with an edge within `tolerance`, residuals and tolerance in the same unit: (k,)."""
+    return ((rims.weights > 0) & (np.abs(residuals) < tolerance)).mean(axis=1)
+
+
+def _solve_series(rims, scale):
+    """Ellipse steps a0 + a1 cos + a2 sin + a3 cos 2 + a4 sin 2 through the offsets of k rims, outliers weighed down.
+
+    Returns the steps (k, 5) and residuals (k, N_RAYS); `scale` (k, 1) is Tukey's width in the unit of the offsets.
+    """
+    steps, weights = np.zeros((len(rims.offsets), 5)), rims.weights
+    ridge = np.diag([1e-3, 1e-3, 1e-3, 1e-1, 1e-1])
+    for widen in (3.0, 1.5, 1.0):
+        rows = weights[:, :, None] * SERIES
+        normal = rows.transpose(0, 2, 1) @ SERIES + ridge
+        steps = np.linalg.solve(normal, rows.transpose(0, 2, 1) @ rims.offsets[:, :, None])[:, :, 0]
+        residuals = rims.offsets - steps @ SERIES.T
+        weights = rims.weights * np.maximum(1 - (residuals / (widen * scale)) ** 2, 0) ** 2
+    return steps, residuals
+
+
+def _refined(field, centers, shapes, signs, reaches=(0.35, 0.25, 0.15)):
+    """Ellipses drawn to the edges around them: centres (k, 2), shapes (k, 2, 2), visible shares, strengths, polarities (k,)
+    each."""
+    for reach in reaches:
+        outlines = _ellipses(centers, shapes)
+        rims, found = _rims(field, outlines, signs, max(reach, LEAST_REACH / float(np.median(outlines.px))))
+        steps, residuals = _solve_series(rims, 1.5 / outlines.px.mean(axis=1, keepdims=True) + 0.03)
+        steps = np.clip(steps, -0.3, 0.3)
+        grow = np.zeros(shapes.shape)
+        grow[:, 0, 0], grow[:, 1, 1] = 1 + steps[:, 0] + steps[:, 3], 1 + steps[:, 0] - steps[:, 3]
+        grow[:, 0, 1] = grow[:, 1, 0] = steps[:, 4]
+        centers = centers + (shapes @ steps[:, 1:3, None])[:, :, 0]
+        shapes = shapes @ grow
+    tolerance = TOLERANCE[0] / outlines.px + TOLERANCE[1]
+    strengths = np.sort(rims.strengths * (rims.weights > 0), axis=1)[:, int(WEAK_PART * N_RAYS)]
+    return centers, shapes, _visible(rims, residuals, tolerance), strengths, found

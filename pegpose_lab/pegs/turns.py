@@ -1,0 +1,93 @@
+"""Which place of a ring is number 1: the marks, the frame before, or nothing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checks import DetectionError
+from .design import SIGNS
+from .edges import _refined
+from .judge import _agreement
+from .labels import CLEAR_TURN, EQUALLY_LEFT
+
+MARK_REACHES = (0.35, 0.2)  # of a mark's radius
+MARK_SEEN = 0.5  # how much of a mark has to be there
+MARK_MARGIN = 0.25  # by which the marks of one turn have to be clearer than those of another
+
+
+@dataclass(frozen=True, eq=False)
+class _Labels:
+    """The chosen turn, the turns that are as possible (the first is the chosen one), and who decided."""
+
+    turn: np.ndarray
+    turns: list
+    labelled_by: str
+    marks: tuple
+    seen: np.ndarray
+
+
+def _rotation(design, turn):
+    """The matrix (3, 3) that takes each of the design's places to place `turn` of it."""
+    places = design.places @ (1, 1j)
+    spin = (places[turn] * places.conj()).sum()
+    spin /= abs(spin)
+    return np.array([[spin.real, -spin.imag, 0], [spin.imag, spin.real, 0], [0, 0, 1.0]])
+
+
+def _label(field, ring, design, pattern, previous):
+    """The labels of a ring as `_Labels`."""
+    turns = design.turns
+    clear = np.array([_marks_seen(field, ring, design, pattern, turn)[2] for turn in turns])
+    possible, by = np.arange(len(turns)), "nothing"
+    if pattern.marks:
+        worth = clear.mean(axis=1)
+        if worth.max() >= MARK_SEEN:
+            possible = np.flatnonzero(worth > worth.max() - MARK_MARGIN)
+            by = "mark" if len(possible) == 1 else by
+    centers = ring.plane.ellipses(design.places)[0]
+    if len(possible) == 1:
+        chosen, by = possible[0], "mark" if pattern.marks and clear.max() > 0 else by
+    elif previous is not None:
+        chosen, by = possible[_least_move(centers, [turns[i] for i in possible], previous)], "previous frame"
+    else:
+        chosen = possible[_leftmost(centers, [turns[i] for i in possible])]
+    marks = _marks_seen(field, ring, design, pattern, turns[chosen])
+    back = np.argsort(turns[chosen])
+    rest = [back[turns[i]] for i in possible if i != chosen]
+    rest = [] if by == "previous frame" else rest
+    return _Labels(turns[chosen], [np.arange(len(back)), *rest], by, marks[:2], marks[2])
+
+
+def _marks_seen(field, ring, design, pattern, turn):
+    """Centres (m, 2), shapes (m, 2, 2) of the marks in the picture after a turn, and how clear (m,) they are."""
+    if not pattern.marks:
+        return np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0)
+    places = np.array([mark.center for mark in pattern.marks])
+    spots = (places - design.middle) / design.scale @ _rotation(design, turn)[:2, :2].T
+    ratios = np.array([mark.radius for mark in pattern.marks]) / pattern.disc_radius
+    signs = np.array([SIGNS[mark.polarity] for mark in pattern.marks])
+    centers, shapes = ring.plane.ellipses(spots, ring.plane.radius * ratios)
+    own = _refined(field, centers, shapes, signs, MARK_REACHES)
+    seen = _agreement(centers, shapes, *own[:2]) * own[2]
+    kept = seen > 0
+    return np.where(kept[:, None], own[0], centers), np.where(kept[:, None, None], own[1], shapes), seen
+
+
+def _least_move(centers, turns, previous):
+    """Which of the turns moves the places least since the frame before, relative to their middle."""
+    before = previous.peg_centers - previous.peg_centers.mean(axis=0)
+    moves = np.array([np.linalg.norm(centers[turn] - centers.mean(axis=0) - before) for turn in turns])
+    best, second = np.argsort(moves, kind="stable")[:2]
+    if moves[best] > CLEAR_TURN * moves[second]:
+        raise DetectionError(
+            "the ring turned too far since the previous frame: two labellings move the discs about equally far; "
+            "take frames more often, or drop previous and label anew"
+        )
+    return best
+
+
+def _leftmost(centers, turns):
+    """Which of the turns has place 1 farthest left in the picture, of two equally far left the upper one."""
+    first = np.array([centers[turn[0]] for turn in turns])
+    left = np.flatnonzero(first[:, 0] <= first[:, 0].min() + EQUALLY_LEFT)
+    return left[np.argmin(first[left, 1])]
