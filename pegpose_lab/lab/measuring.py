@@ -34,6 +34,10 @@ MEASUREMENTS = {
     "disc_pulls": Measurement(
         "study.write_disc_pulls", ("disc_pulls",), "20 s", ("discocal-left", "robot-dots-10x10", "open3dv-dots")
     ),
+    "real_rings": Measurement(
+        "study.write_real_rings", ("real_rings", "real_ring_places", "real_ring_circles", "real_ring_runs"), "30 s",
+        ("rings-a", "visp-mire2-a", "visp-mire2-b"),
+    ),
     "opencv_left_corners": Measurement(
         "study.write_left_corners", ("opencv_left_corners",), "4 s", ("opencv_left",)
     ),

@@ -14,6 +14,7 @@ from .held_out import coverage, leave_one_out, radial_profile
 from .measured import load_measured, made_by, write_measured
 from .opencv_corners import sub_pixel_corners
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
+from .real_rings import write_real_rings
 from .sector_corners import load_sector_corners, write_sector_corners
 from .segmented_parts import write_parts
 from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, write_rendered_trials
@@ -51,6 +52,7 @@ __all__ = [
     "write_left_corners",
     "write_measured",
     "write_parts",
+    "write_real_rings",
     "write_rendered_trials",
     "write_screw_bits",
     "write_sector_corners",
