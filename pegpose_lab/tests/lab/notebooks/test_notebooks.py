@@ -41,6 +41,7 @@ def test_all_steps_are_there():
         "07_error_histograms",
         "08_paper_audit",
         "09_uncertainty",
+        "10_real_parts",
     } <= {path.stem for path in NOTEBOOKS}
 
 
