@@ -14,6 +14,7 @@ from .search import _followed, _no_seeds, _rings
 from .seeds import _seeds
 from .turns import _label, _rotation
 
+REMAP_LIMIT = 32_766  # px, longest side of what cv2.remap takes
 LEAST_RADIUS = 3.0  # px: smaller discs have too few edge points for an ellipse
 LARGEST_RING = 0.75  # of the picture's shorter side: pitch radius of a ring that is looked for without a radius range
 SMALLEST_RING = 0.05
@@ -31,6 +32,10 @@ STEEP = 2.5  # ratio of the axes of a circle's image
 
 def _locate_ring(image, pattern, radius_range, previous):
     """The `PegObservation` of a ring."""
+    if max(image.shape) > REMAP_LIMIT:
+        raise ValueError(
+            f"image has shape {image.shape}; a ring is looked for in sides up to {REMAP_LIMIT} px: cut it out"
+        )
     design = _design(pattern)
     low, high = _radius_range(image, pattern, radius_range)
     if getattr(previous, "homography", None) is not None:

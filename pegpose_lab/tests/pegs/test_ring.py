@@ -192,3 +192,11 @@ def test_unusable_arguments():
         locate_pegs(picture, ring, radius_range=3)
     with pytest.raises(ValueError, match="previous is not a PegObservation of 5 pegs"):
         locate_pegs(picture, ring, previous="frame")
+    with pytest.raises(ValueError, match="cut it out"):
+        locate_pegs(np.zeros((3, 33_000), np.uint8), ring)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (8, 8), (200, 300)])
+def test_empty_pictures_are_refused(shape):
+    with pytest.raises(DetectionError, match="found 0 bright discs"):
+        locate_pegs(np.full(shape, 255, np.uint8), pattern(5))
