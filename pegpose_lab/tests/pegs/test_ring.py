@@ -7,6 +7,7 @@ from pegpose_lab.checks import DetectionError
 from pegpose_lab.patterns import RingMark, RingPattern
 from pegpose_lab.pegs import locate_pegs, track_pegs
 from pegpose_lab.tests.pegs.drawn import drawn, ellipse_centers, homography, ring_discs
+from pegpose_lab.tests.pegs.hubs import HUB, rendered
 
 MILD = {"labels-undecided", "place-missing"}
 
@@ -133,6 +134,18 @@ def test_without_a_mark_the_frame_before_decides_and_the_turns_are_told():
     for turn in found[0].turns[1:]:
         other = found[0].peg_centers[turn]
         assert sorted(map(tuple, other)) == sorted(map(tuple, found[0].peg_centers))
+
+
+@pytest.mark.parametrize("turn", [0.0, 33.0])
+def test_a_hub_as_a_pattern_has_the_same_pegs(turn):
+    """Bore and screws lie deeper than the pegs' tops, and are found where the bore's shift puts them."""
+    picture = rendered(turn)
+    as_hub, as_ring = locate_pegs(picture, HUB), locate_pegs(picture, HUB.pattern, radius_range=(10, 35))
+    labellings = [as_ring.peg_centers[turn] for turn in as_ring.turns]
+    assert len(labellings) == 2 and min(np.abs(one - as_hub.peg_centers).max() for one in labellings) < 0.05
+    assert np.linalg.norm(as_ring.bore_center - as_hub.bore_center) < 0.1
+    apart = np.linalg.norm(as_ring.screw_centers[:, None] - as_hub.screw_centers, axis=2)
+    assert apart.min(axis=1).max() < 1.0 and codes(as_ring) == {"labels-undecided"}
 
 
 def test_three_rings_on_one_pitch_circle_are_rivals():
