@@ -149,11 +149,15 @@ def test_a_hub_as_a_pattern_has_the_same_pegs(turn):
 
 
 def test_three_rings_on_one_pitch_circle_are_rivals():
-    ring = pattern(4, disc_radius=5.0)
-    twice = RingPattern(angles=np.arange(8) * np.pi / 4, pitch_radius=50.0, disc_radius=5.0)
+    ring = pattern(6, disc_radius=4.0)
+    angles = np.concatenate([np.arange(6) * np.pi / 3 + turn for turn in (0, 0.26, 0.61)])
+    all_three = RingPattern(angles=angles, pitch_radius=50.0, disc_radius=4.0)
     h = homography(ring, np.random.default_rng(5), tilt=20)
-    observation = locate_pegs(drawn(ring_discs(twice, 200), h), ring, radius_range=(7, 22))
-    assert {"further-disc", "rival-ring"} <= codes(observation) and len(observation.rivals) >= 1
+    observation = locate_pegs(drawn(ring_discs(all_three, 200), h), ring, radius_range=(6, 18))
+    assert {"further-disc", "rival-ring"} <= codes(observation) and len(observation.rivals) == 2
+    found = [ellipse_centers(view, ring.places, 4.0) for view in (observation.homography, *observation.rivals)]
+    truth = ellipse_centers(h, all_three.places, 4.0)
+    assert np.linalg.norm(truth[:, None] - np.concatenate(found), axis=2).min(axis=1).max() < 0.3
 
 
 def wrong(kind, seed):
