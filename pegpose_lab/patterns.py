@@ -62,7 +62,7 @@ class RingPattern:
     Parameters
     ----------
     n : int, optional
-        1. places at equal angles, the first at angle 0: 2 to 24.
+        1. places at equal angles, the first at angle 0: 3 to 24.
     angles : (n,) rad, optional
         2. places at these angles, clockwise: 10 of 14 places of a dial, for example.
     centers : (n, 2), optional
@@ -175,7 +175,7 @@ def _as_places(n, angles, centers, pitch_radius):
     if sum(given is not None for given in (n, angles, centers)) != 1:
         raise ValueError("expected exactly one of n, angles and centers")
     if centers is not None:
-        centers = as_points(centers, 2, "centers", 2)
+        centers = as_points(centers, 2, "centers", 3)
         count = len(centers)
         reach = np.linalg.norm(centers, axis=1)
         if pitch_radius is not None and not 0.99 * reach.min() <= np.mean(pitch_radius) <= 1.01 * reach.max():
@@ -183,13 +183,13 @@ def _as_places(n, angles, centers, pitch_radius):
         centers = tuple(map(tuple, centers.tolist()))
     else:
         if n is not None:
-            count = n = as_count(n, "n", 2, MOST_PLACES)
+            count = n = as_count(n, "n", 3, MOST_PLACES)
         else:
             angles = tuple(as_number(angle, f"angles[{k}]") for k, angle in enumerate(np.ravel(angles)))
             count = len(angles)
         pitch_radius = _as_pitch_radius(pitch_radius, count)
-    if not 2 <= count <= MOST_PLACES:
-        raise ValueError(f"there are {count} places; expected 2 to {MOST_PLACES}")
+    if not 3 <= count <= MOST_PLACES:
+        raise ValueError(f"there are {count} places; expected 3 to {MOST_PLACES}")
     return {"n": n, "angles": angles, "centers": centers, "pitch_radius": pitch_radius}
 
 

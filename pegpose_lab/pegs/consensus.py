@@ -11,9 +11,11 @@ SEED_SIZE = 0.12  # of a seed's radius
 PRIOR = np.array([20, 20, 20, 20, 20, 20, 1 / 0.2**2, 1 / 0.2**2, 1 / 0.15**2], float)
 """What is known of a step: A and b less than 0.2, the vanishing line's coefficients about 0.2 per pitch radius, and the
 radius 15 %."""
-MOST_PAIRS = 400_000  # hypotheses that are looked at: pairs of seeds times pairs of places
+MOST_PAIRS = 150_000  # hypotheses that are looked at: pairs of seeds times pairs of places
+CHUNK = 10_000  # of them that vote at a time: their arrays stay small
 MOST_REFINED = 600  # hypotheses that are fitted to the seeds
 MOST_TRIED = 16  # hypotheses that are returned
+GOLDEN = 0.6180339887498949  # its multiples, modulo 1, fill the interval evenly
 LARGEST_RATIO = 3.0  # of the axes of a circle's image
 
 
@@ -29,7 +31,8 @@ def _hypotheses(seeds, places, disc_radius, turns):
     if len(maps) == 0:
         return maps, np.empty(0)
     votes = _Votes(seeds)
-    score = votes.of(maps, places, disc_radius, LOOSE)[0]
+    parts = np.array_split(maps, len(maps) // CHUNK + 1)
+    score = np.concatenate([votes.of(part, places, disc_radius, LOOSE)[0] for part in parts])
     maps = maps[_first(score, MOST_REFINED)]
     for reach in (LOOSE, LOOSE, CLOSER, TIGHT):
         _, nearest, weights = votes.of(maps, places, disc_radius, reach)
@@ -80,11 +83,12 @@ def _map_pair(seeds, places, i, j, roots, steps, first, second):
 
 
 def _pairs_of_places(n, turns):
-    """Ordered pairs of places, one of those that a turn takes into each other; wide ones first."""
+    """Ordered pairs of places, one of those that a turn takes into each other, mixed: the first ones hold all places."""
     a, b = np.nonzero(~np.eye(n, dtype=bool))
     names = np.min([turn[a] * n + turn[b] for turn in turns], axis=0)
     first = names == a * n + b
-    return a[first], b[first]
+    mixed = np.argsort(np.arange(first.sum()) * GOLDEN % 1, kind="stable")
+    return a[first][mixed], b[first][mixed]
 
 
 def _root(squares):

@@ -108,10 +108,10 @@ def _own(field, seeds, plane, places, ratios, signs):
     )
 
 
-def _agreement(centers, shapes, own_centers, own_shapes):
+def _agreement(centers, shapes, own_centers, own_shapes, reach=HELD_REACH):
     """How near (n,) ellipses are to those of the plane, 1 to 0: by their centres and areas."""
     steps = np.linalg.solve(shapes, (own_centers - centers)[:, :, None])[:, :, 0]
-    apart = np.linalg.norm(steps, axis=1) / HELD_REACH
+    apart = np.linalg.norm(steps, axis=1) / reach
     ratio = np.abs(np.linalg.det(own_shapes)) / np.linalg.det(shapes)
     size = 0.5 * np.log(np.maximum(ratio, 1e-9)) / np.log(HELD_SIZE)
     return np.maximum(1 - apart**2, 0) * np.maximum(1 - size**2, 0)

@@ -49,7 +49,8 @@ def locate_pegs(
     image : (height, width) uint8
     hub : Hub or RingPattern
     radius_range : (r_min, r_max) px, optional
-        Radii of a ring's discs; by default all that a ring in the picture can have, which takes longer.
+        Radii of a ring's discs; by default all that a ring in the picture can have, which takes longer.  Not used for a
+        hub, whose bore gives the scale.
     previous : PegObservation, optional
         The same hub in the frame before.
     min_area, threshold : float, optional

@@ -16,6 +16,7 @@ MISSHAPEN = 0.15  # how much a semi-axis may differ from that of a circle in the
 FIT_AGREES = 0.1  # of the radius (at least a pixel): between a place's own rim and the fit to the grey values
 MODEL_HOLDS = 1.5  # chi2 of that fit: beyond, it depends on which sectors it leaves out, and jumps from frame to frame
 BY_CHANCE = 9.0  # squared distance in sigmas between a place and the ring that does not widen its covariance
+MOST_HOLD = 0.75  # of the measured places, for which it has to hold
 LAGS = 6  # rays whose errors may go together
 
 
@@ -126,19 +127,24 @@ def _by_shape_of_ring(found, rows, ring, design, centers, shapes):
 
 
 def _by_grey_values(image, found, states, signs):
-    """The same with the fit to the grey values where it finds the place's own rim."""
+    """The same with the fit to the grey values, if that finds the own rims of most places and its model holds there.
+
+    Else no place has it: two measures of one ring differ by more than either scatters from frame to frame.
+    """
     rows = np.flatnonzero(states == "measured")
+    fits = []
     for sign, polarity in ((1, "bright"), (-1, "dark")):
         some = rows[signs[rows] == sign]
-        circles = Circles(found[0][some], found[2][some], np.ones(len(some)), polarity)
-        discs = fit_discs(image, circles)
-        apart = np.linalg.norm(discs.centers - found[0][some], axis=1)
-        agrees = apart < np.maximum(1.0, FIT_AGREES * found[2][some])
-        agrees &= np.abs(discs.radii - found[2][some]) < np.maximum(1.0, FIT_AGREES * found[2][some])
-        good = discs.accepted & agrees & (discs.chi2 < MODEL_HOLDS)
-        found[0][some[good]] = discs.centers[good]
-        found[1][some[good]] = discs.covariance[good][:, :2, :2]
-        found[2][some[good]] = discs.radii[good]
+        discs = fit_discs(image, Circles(found[0][some], found[2][some], np.ones(len(some)), polarity))
+        near = np.maximum(1.0, FIT_AGREES * found[2][some])
+        agrees = np.linalg.norm(discs.centers - found[0][some], axis=1) < near
+        agrees &= np.abs(discs.radii - found[2][some]) < near
+        fits.append((some, discs, discs.accepted & agrees & (discs.chi2 < MODEL_HOLDS)))
+    if sum(int(good.sum()) for _, _, good in fits) >= MOST_HOLD * max(len(rows), 1):
+        for some, discs, good in fits:
+            found[0][some[good]] = discs.centers[good]
+            found[1][some[good]] = discs.covariance[good][:, :2, :2]
+            found[2][some[good]] = discs.radii[good]
     return found
 
 

@@ -7,13 +7,14 @@ import numpy as np
 from ..checks import DetectionError, Flag, as_number
 from .design import _design
 from .edges import _field, _refined
-from .judge import OWN_REACHES, WORTH, _agreement
+from .judge import WORTH, _agreement
 from .measure import PegObservation
 from .places import _by_grey_values, _by_own_rim, _measured_places, _own_rims, _residual
 from .search import _followed, _no_seeds, _rings
 from .seeds import _seeds
 from .turns import _label, _rotation
 
+REMAP_LIMIT = 32_766  # px, longest side of what cv2.remap takes
 LEAST_RADIUS = 3.0  # px: smaller discs have too few edge points for an ellipse
 LARGEST_RING = 0.75  # of the picture's shorter side: pitch radius of a ring that is looked for without a radius range
 SMALLEST_RING = 0.05
@@ -21,6 +22,8 @@ LEAST_VALUE = 0.45  # mean over the places that are there: less is what texture 
 CLEAR_VALUE, CLEAR_VISIBLE = 0.65, 0.75  # mean value and visible share of the places; below these the ring is flagged
 MANY = 7  # places: their centres alone tell a ring, since four determine a homography
 MOST_SURE = 0.6  # of the places that are there: so many have to show a disc, as a part of one counts half
+BORE_REACHES = (0.5, 0.3, 0.15)  # of the bore's radius: it may lie deeper than the places, and so look shifted
+BORE_OFF = 0.6  # of the bore's radius: by how much
 REGION = 2.5  # of the discs' radius: part of the picture round the ring of the frame before that is looked at
 RIVAL = 0.85  # of the best ring's score
 PROPORTION = 0.15  # of the radius: more than what a marking by hand or a chamfer changes
@@ -31,6 +34,10 @@ STEEP = 2.5  # ratio of the axes of a circle's image
 
 def _locate_ring(image, pattern, radius_range, previous):
     """The `PegObservation` of a ring."""
+    if max(image.shape) > REMAP_LIMIT:
+        raise ValueError(
+            f"image has shape {image.shape}; a ring is looked for in sides up to {REMAP_LIMIT} px: cut it out"
+        )
     design = _design(pattern)
     low, high = _radius_range(image, pattern, radius_range)
     if getattr(previous, "homography", None) is not None:
@@ -140,12 +147,12 @@ def _observed(image, field, seeds, rings, design, pattern, previous):
     ring = rings[0]
     places = _measured_places(image, field, ring, design)
     _demand_discs(places, ring, pattern)
-    labels = _label(field, ring, design, pattern, previous)
+    bore_center, bore_radius, bore_sigma, bore_off, base = _bore(image, field, ring, design)
+    labels = _label(field, ring, design, pattern, previous, base)
     turn = labels.turn
     residual, ratio = _residual(ring, design, places.states)
     normal_from_pattern = design.normal_from_pattern
     homography = ring.plane.homography @ _rotation(design, turn) @ normal_from_pattern
-    bore_center, bore_radius, bore_sigma, bore_off = _bore(image, field, ring, design)
     states = tuple(str(state) for state in places.states[turn])
     rivals = [other for other in rings[1:] if _is_rival(other, ring, pattern)]
     flags = _flags_of_places(states) + _flags_of_marks(labels, pattern, bore_sigma)
@@ -189,18 +196,22 @@ def _is_rival(other, ring, pattern):
 
 
 def _bore(image, field, ring, design):
-    """Centre, radius and sigma of the bore, px, and how much its radius is off; without a bore the ring's middle."""
+    """Centre, radius and sigma of the bore, px, how much its radius is off, and where it is, where the ring's plane has it
+    and how much larger it is: a bore may lie deeper than the places.  Without a bore the ring's middle.
+    """
     if design.bore is None:
-        return ring.plane.ellipses(np.zeros((1, 2)))[0][0], 0.0, np.full(2, np.inf), 0.0
+        return ring.plane.ellipses(np.zeros((1, 2)))[0][0], 0.0, np.full(2, np.inf), 0.0, None
     place, ratio, sign = design.bore
     centers, shapes = ring.plane.ellipses(np.array([place]), ring.plane.radius * np.array([ratio]))
-    own = _refined(field, centers, shapes, np.array([sign]), OWN_REACHES)
+    own = _refined(field, centers, shapes, np.array([sign]), BORE_REACHES)
     expected = float(np.sqrt(np.linalg.det(shapes[0])))
-    if _agreement(centers, shapes, *own[:2])[0] * own[2][0] < WORTH:
-        return centers[0], expected, np.full(2, np.inf), 0.0
+    if _agreement(centers, shapes, *own[:2], BORE_OFF)[0] * own[2][0] < WORTH:
+        return centers[0], expected, np.full(2, np.inf), 0.0, None
     found = _by_own_rim(own, _own_rims(field, *own[:2], own[4]), centers, np.zeros(1))
     found = _by_grey_values(image, found, np.array(["measured"]), own[4])
-    return found[0][0], float(found[2][0]), np.sqrt(np.diagonal(found[1][0])), found[2][0] / expected - 1
+    larger = float(found[2][0]) / expected
+    base = found[0][0], centers[0], larger
+    return found[0][0], float(found[2][0]), np.sqrt(np.diagonal(found[1][0])), larger - 1, base
 
 
 def _flags_of_places(states):

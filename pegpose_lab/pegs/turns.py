@@ -34,10 +34,16 @@ def _rotation(design, turn):
     return np.array([[spin.real, -spin.imag, 0], [spin.imag, spin.real, 0], [0, 0, 1.0]])
 
 
-def _label(field, ring, design, pattern, previous):
-    """The labels of a ring as `_Labels`."""
+def _label(field, ring, design, pattern, previous, base):
+    """The labels of a ring as `_Labels`.
+
+    `base` is where the bore is and where the ring's plane has it: the marks may lie as deep as the bore.
+    """
     turns = design.turns
-    clear = np.array([_marks_seen(field, ring, design, pattern, turn)[2] for turn in turns])
+    depths = (None,) if base is None else (None, base)
+    seen = [np.array([_marks_seen(field, ring, design, pattern, turn, depth)[2] for turn in turns]) for depth in depths]
+    best = int(np.argmax([np.max(one.mean(axis=1), initial=0) if pattern.marks else 0 for one in seen]))
+    clear, depth = seen[best], depths[best]
     possible, by = np.arange(len(turns)), "nothing"
     if pattern.marks:
         worth = clear.mean(axis=1)
@@ -51,14 +57,14 @@ def _label(field, ring, design, pattern, previous):
         chosen, by = possible[_least_move(centers, [turns[i] for i in possible], previous)], "previous frame"
     else:
         chosen = possible[_leftmost(centers, [turns[i] for i in possible])]
-    marks = _marks_seen(field, ring, design, pattern, turns[chosen])
+    marks = _marks_seen(field, ring, design, pattern, turns[chosen], depth)
     back = np.argsort(turns[chosen])
     rest = [back[turns[i]] for i in possible if i != chosen]
     rest = [] if by == "previous frame" else rest
     return _Labels(turns[chosen], [np.arange(len(back)), *rest], by, marks[:2], marks[2])
 
 
-def _marks_seen(field, ring, design, pattern, turn):
+def _marks_seen(field, ring, design, pattern, turn, depth):
     """Centres (m, 2), shapes (m, 2, 2) of the marks in the picture after a turn, and how clear (m,) they are."""
     if not pattern.marks:
         return np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0)
@@ -67,6 +73,9 @@ def _marks_seen(field, ring, design, pattern, turn):
     ratios = np.array([mark.radius for mark in pattern.marks]) / pattern.disc_radius
     signs = np.array([SIGNS[mark.polarity] for mark in pattern.marks])
     centers, shapes = ring.plane.ellipses(spots, ring.plane.radius * ratios)
+    if depth is not None:
+        there, expected, ratio = depth
+        centers, shapes = there + (centers - expected) * ratio, shapes * ratio
     own = _refined(field, centers, shapes, signs, MARK_REACHES)
     seen = _agreement(centers, shapes, *own[:2]) * own[2]
     kept = seen > 0

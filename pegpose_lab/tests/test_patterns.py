@@ -12,8 +12,8 @@ DIAL = [2 * np.pi * k / 14 for k in range(10)]
 def test_places_of_the_three_kinds():
     equal = RingPattern(4, pitch_radius=50.0, disc_radius=10.0)
     np.testing.assert_allclose(equal.places, [[50, 0], [0, 50], [-50, 0], [0, -50]], atol=1e-12)
-    two_radii = RingPattern(angles=[0, np.pi], pitch_radius=[50, 30], disc_radius=5)
-    np.testing.assert_allclose(two_radii.places, [[50, 0], [-30, 0]], atol=1e-12)
+    two_radii = RingPattern(angles=[0, np.pi, np.pi / 2], pitch_radius=[50, 30, 40], disc_radius=5)
+    np.testing.assert_allclose(two_radii.places, [[50, 0], [-30, 0], [0, 40]], atol=1e-12)
     anywhere = RingPattern(centers=[[0, 0], [40, 0], [40, 30]], disc_radius=5)
     assert anywhere.n_places == 3 and anywhere.places.tolist() == [[0, 0], [40, 0], [40, 30]]
 
@@ -58,11 +58,11 @@ def test_a_hub_is_one():
     [
         ({"pitch_radius": 50}, "exactly one of n, angles and centers"),
         ({"n": 4, "angles": [0, 1], "pitch_radius": 50}, "exactly one"),
-        ({"n": 25, "pitch_radius": 50}, "between 2 and 24"),
+        ({"n": 25, "pitch_radius": 50}, "between 3 and 24"),
         ({"n": 4}, "pitch_radius is None"),
         ({"n": 4, "pitch_radius": [50, 40]}, r"pitch_radius has shape \(2,\)"),
         ({"n": 4, "pitch_radius": 5}, "overlap"),
-        ({"centers": [[0, 0], [50, 0]], "pitch_radius": 80}, "centers give 0 to 50"),
+        ({"centers": [[0, 0], [50, 0], [0, 30]], "pitch_radius": 80}, "centers give 0 to 50"),
         ({"n": 4, "pitch_radius": 50, "polarity": "grey"}, "polarity is 'grey'"),
         ({"n": 4, "pitch_radius": 50, "max_missing": 4}, "max_missing"),
         ({"n": 4, "pitch_radius": 50, "bore": "big"}, "bore is 'big'"),

@@ -7,6 +7,7 @@ from pegpose_lab.checks import DetectionError
 from pegpose_lab.patterns import RingMark, RingPattern
 from pegpose_lab.pegs import locate_pegs, track_pegs
 from pegpose_lab.tests.pegs.drawn import drawn, ellipse_centers, homography, ring_discs
+from pegpose_lab.tests.pegs.hubs import HUB, rendered
 
 MILD = {"labels-undecided", "place-missing"}
 
@@ -135,12 +136,28 @@ def test_without_a_mark_the_frame_before_decides_and_the_turns_are_told():
         assert sorted(map(tuple, other)) == sorted(map(tuple, found[0].peg_centers))
 
 
+@pytest.mark.parametrize("turn", [0.0, 33.0])
+def test_a_hub_as_a_pattern_has_the_same_pegs(turn):
+    """Bore and screws lie deeper than the pegs' tops, and are found where the bore's shift puts them."""
+    picture = rendered(turn)
+    as_hub, as_ring = locate_pegs(picture, HUB), locate_pegs(picture, HUB.pattern, radius_range=(10, 35))
+    labellings = [as_ring.peg_centers[turn] for turn in as_ring.turns]
+    assert len(labellings) == 2 and min(np.abs(one - as_hub.peg_centers).max() for one in labellings) < 0.05
+    assert np.linalg.norm(as_ring.bore_center - as_hub.bore_center) < 0.1
+    apart = np.linalg.norm(as_ring.screw_centers[:, None] - as_hub.screw_centers, axis=2)
+    assert apart.min(axis=1).max() < 1.0 and codes(as_ring) == {"labels-undecided"}
+
+
 def test_three_rings_on_one_pitch_circle_are_rivals():
-    ring = pattern(4, disc_radius=5.0)
-    twice = RingPattern(angles=np.arange(8) * np.pi / 4, pitch_radius=50.0, disc_radius=5.0)
+    ring = pattern(6, disc_radius=4.0)
+    angles = np.concatenate([np.arange(6) * np.pi / 3 + turn for turn in (0, 0.26, 0.61)])
+    all_three = RingPattern(angles=angles, pitch_radius=50.0, disc_radius=4.0)
     h = homography(ring, np.random.default_rng(5), tilt=20)
-    observation = locate_pegs(drawn(ring_discs(twice, 200), h), ring, radius_range=(7, 22))
-    assert {"further-disc", "rival-ring"} <= codes(observation) and len(observation.rivals) >= 1
+    observation = locate_pegs(drawn(ring_discs(all_three, 200), h), ring, radius_range=(6, 18))
+    assert {"further-disc", "rival-ring"} <= codes(observation) and len(observation.rivals) == 2
+    found = [ellipse_centers(view, ring.places, 4.0) for view in (observation.homography, *observation.rivals)]
+    truth = ellipse_centers(h, all_three.places, 4.0)
+    assert np.linalg.norm(truth[:, None] - np.concatenate(found), axis=2).min(axis=1).max() < 0.3
 
 
 def wrong(kind, seed):
@@ -192,3 +209,11 @@ def test_unusable_arguments():
         locate_pegs(picture, ring, radius_range=3)
     with pytest.raises(ValueError, match="previous is not a PegObservation of 5 pegs"):
         locate_pegs(picture, ring, previous="frame")
+    with pytest.raises(ValueError, match="cut it out"):
+        locate_pegs(np.zeros((3, 33_000), np.uint8), ring)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (8, 8), (200, 300)])
+def test_empty_pictures_are_refused(shape):
+    with pytest.raises(DetectionError, match="found 0 bright discs"):
+        locate_pegs(np.full(shape, 255, np.uint8), pattern(5))
