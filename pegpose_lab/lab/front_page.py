@@ -47,6 +47,7 @@ def _findings(folder):
     intervals = _table(folder, "09_intervals")["95 % intervals that hold it (%)"]
     clean = _circles(folder).loc[(OURS, "clean")]
     rings, pulls = _table(folder, "10_real_rings"), _table(folder, "10_pulls")
+    right = ((rings["measured"] > 0) & (rings["wrong"] == 0)).sum()
     seen = 100 * (pulls["measured"] + pulls["partial"]).sum() / pulls["discs"].sum()
     ours, whole = (candidates.loc[name, "two stages, Eq. 7"] for name in ("find_corners", "whole pixels"))
     zhang = candidates.loc["whole pixels", "Zhang, rms"]
@@ -64,7 +65,7 @@ def _findings(folder):
         f"experiments {intervals.min():.1f} to {intervals.max():.1f} % of its 95 % intervals hold the truth, as long "
         "as the lens is the model and corner errors are independent. (09)",
         f"**Circles** on renderings are measured at {clean['center']:.2f} times the physical limit of noise and blur, "
-        f"with a sigma for each. In photographs of real parts the described ring is found in {((rings['measured'] > 0) & (rings['wrong'] == 0)).sum()} of "
+        f"with a sigma for each. In photographs of real parts the described ring is found in {right} of "
         f"{len(rings)}; of {pulls['discs'].sum()} discs on photographed sheets {seen:.1f} % are measured, and residuals are "
         f"{pulls['pull'].min():.1f} to {pulls['pull'].max():.1f} times the stated sigmas. (02, 10)",
     ]
