@@ -54,7 +54,7 @@ SCENES = {
         "clutter, with spots of 80 grey values and 55 pieces of swarf"
     ),
     Scene("strangers", TILTED, highlights=40.0, clutter=28, strangers=True): (
-        "clutter, with discs of other sizes (radius 34 and 66 px), squares as wide as pegs, and bars behind them"
+        "clutter, with discs of other sizes (radius 34 and 66 px), squares as wide as pegs, and bars across all of it"
     ),
     Scene("default look", TILTED, HubLook()): ("tilt, with turning marks, shading and darker side walls; nothing else"),
 }
@@ -115,17 +115,17 @@ def draw_frame(scene: Scene, number: int, camera: TsaiCamera | None = None) -> F
         rng=rng,
     )
     contrast, width = scene.look.peg - scene.look.base, np.sqrt(blur**2 + 1 / 12)
+    circles = [(center, HUB.peg_radius) for center in HUB.peg_centers]
+    circles += [(HUB.bore_center, HUB.bore_radius), *((center, HUB.screw_radius) for center in HUB.screw_centers)]
+    truths = [true_disc(camera, pose, *circle) for circle in circles]
+    if scene.strangers:
+        picture = lay_strangers(picture, truths, (scene.look.base / 2, scene.look.peg), blur, rng)
     discs = []
-    for peg, center in enumerate(HUB.peg_centers, 1):
+    for peg, (center, truth) in enumerate(zip(HUB.peg_centers, truths, strict=False), 1):
         outline = disc_outline(camera, pose, center, HUB.peg_radius, 360)
         visible, arc = _arc_shape(_clean_edge(picture, outline, scene.look.base, contrast, width), outline)
-        discs.append(Disc(true_disc(camera, pose, center, HUB.peg_radius), peg, visible, arc))
-    others = [(HUB.bore_center, HUB.bore_radius), *((center, HUB.screw_radius) for center in HUB.screw_centers)]
-    discs += [Disc(true_disc(camera, pose, *other), 0) for other in others]
-    if scene.strangers:
-        picture = lay_strangers(
-            picture, [disc.truth for disc in discs], (scene.look.base / 2, scene.look.peg), blur, rng
-        )
+        discs.append(Disc(truth, peg, visible, arc))
+    discs += [Disc(truth, 0) for truth in truths[len(discs) :]]
     return Frame(picture, discs, contrast, width)
 
 

@@ -28,14 +28,14 @@ def lay_strangers(
     blur: float,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """Lay other discs and squares between the hub's discs, and bars behind them.
+    """Lay other discs and squares between the hub's discs, and bars across everything.
 
     Parameters
     ----------
     picture : (height, width) float32
         Without noise; it is left as it is.
     discs : sequence of TrueDisc
-        The hub's own, on which nothing lies but the ends of bars' shadows.
+        The hub's own: other discs and squares keep away from them.
     levels : (low, high)
         Grey values of bars, and of discs and squares.
     blur : float
@@ -57,13 +57,8 @@ def lay_strangers(
         if place is not None:
             taken.append((*place, reach))
             _draw_part(layers[1], place, half, k < NUMBERS[0], rng)
-    keep = np.ones_like(picture)
-    for x, y, r in taken[: len(discs)]:
-        cv2.circle(keep, *_fixed((x, y), r + 1), 0.0, cv2.FILLED, cv2.LINE_AA, FINER)
-    for layer, level in zip(layers, levels, strict=True):
-        share = cv2.GaussianBlur(layer, (0, 0), blur)
-        share = share * cv2.GaussianBlur(keep, (0, 0), blur) if layer is layers[0] else share
-        picture = picture + share * (level - picture)
+    for layer, level in zip(layers[::-1], levels[::-1], strict=True):
+        picture = picture + cv2.GaussianBlur(layer, (0, 0), blur) * (level - picture)
     return picture.astype(np.float32)
 
 
