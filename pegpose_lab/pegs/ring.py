@@ -29,6 +29,7 @@ RIVAL = 0.85  # of the best ring's score
 PROPORTION = 0.15  # of the radius: more than what a marking by hand or a chamfer changes
 MISFIT = 2.5  # ratio of the residual to that of single ellipses, and
 LEAST_MISFIT = 0.3, 0.012  # px, and part of the radius: a residual below both is no misfit
+MARK_SIGMA = 0.5  # px, of a mark: it is found on a grid of places, and not fitted
 STEEP = 2.5  # ratio of the axes of a circle's image
 
 
@@ -167,7 +168,7 @@ def _observed(image, field, seeds, rings, design, pattern, previous):
         hub_center=middle[:2] / middle[2],
         screw_centers=labels.marks[0],
         screw_radii=np.sqrt(np.abs(np.linalg.det(labels.marks[1]))),
-        screw_sigmas=np.where(labels.seen[:, None] > 0, 0.5, np.inf) * np.ones((1, 2)),
+        screw_sigmas=np.where(labels.seen[:, None] > 0, MARK_SIGMA, np.inf) * np.ones((1, 2)),
         bore_center=bore_center,
         bore_radius=bore_radius,
         bore_sigma=bore_sigma,
