@@ -136,9 +136,6 @@ def segment(image: ArrayLike, *, min_area: float | None = None, threshold: float
     return _as_segmentation(parts, level, levels)
 
 
-# ----------------------------------------------------------------------------------------------- components
-
-
 @dataclass
 class _Parts:
     """Label image and the statistics of its components, row k - 1 belongs to label k."""
@@ -159,9 +156,16 @@ def _components(white, least):
     if not keep.all() or labels.dtype != np.uint16:
         numbers = np.zeros(len(stats), np.uint16)
         numbers[1:][keep] = np.arange(1, keep.sum() + 1)
-        labels = numbers[labels]
+        labels = _looked_up(numbers, labels)
     stats = stats[1:][keep]
     return _Parts(labels, stats[:, cv2.CC_STAT_AREA].astype(int), stats[:, :4].astype(int), centroids[1:][keep])
+
+
+def _looked_up(table, labels):
+    """``table[labels]``, faster where 8 bits are enough for the labels."""
+    if len(table) > 256:
+        return table[labels]
+    return cv2.LUT(labels.astype(np.uint8), np.resize(table, 256))
 
 
 def _few_labels(white):
@@ -170,9 +174,6 @@ def _few_labels(white):
     if (height + 1) // 2 * ((width + 1) // 2) < MAX_LABELS:
         return True
     return cv2.countNonZero(cv2.compare(white[:, 1:], white[:, :-1], cv2.CMP_GT)) + height < MAX_LABELS
-
-
-# ------------------------------------------------------------------------------------------------ splitting
 
 
 def _split_white(image, mask, parts, least, step, depth=MAX_DEPTH):
@@ -222,10 +223,11 @@ def _bimodal_parts(image, parts, least, step):
 
 def _untouched(found, near_white):
     """The parts that touch nothing white, as a mask."""
-    is_island = np.full(len(found.areas) + 1, 255, np.uint8)
-    is_island[np.bincount(found.labels[near_white > 0], minlength=1).nonzero()[0]] = 0
+    number = len(found.areas) + 1
+    touched = cv2.calcHist([found.labels], [0], near_white, [number], [0, number]).ravel() > 0
+    is_island = np.where(touched, 0, 255).astype(np.uint8)
     is_island[0] = 0
-    return is_island[found.labels]
+    return _looked_up(is_island, found.labels)
 
 
 def _window(box, shape):
