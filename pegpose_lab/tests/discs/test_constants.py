@@ -53,18 +53,18 @@ def test_a_frame_is_measured_with_every_value():
 # ---- cases ----
 
 
-def _far_starts():
+def _far_starts(seed):
     """Discs, and circles that are off by up to a fifth of the radius."""
-    rng = np.random.default_rng(4)
+    rng = np.random.default_rng(seed)
     truth = _truth(rng)
     image = to_uint8(draw_ellipses(SHAPE, truth), 5, rng)
     off = rng.uniform(-0.2, 0.2, (len(truth), 3)) * R
     return image, _circles(truth[:, :2] + off[:, :2], R + off[:, 2])
 
 
-def _partly_hidden():
+def _partly_hidden(seed):
     """Discs of which a strip of the background's level hides a part of the right side."""
-    rng = np.random.default_rng(2)
+    rng = np.random.default_rng(seed)
     truth = _truth(rng)
     picture = draw_ellipses(SHAPE, truth)
     for x, y in truth[:, :2].astype(int):
@@ -75,11 +75,13 @@ def _partly_hidden():
 @pytest.mark.parametrize(("name", "value", "case"), [("MAX_RINGS", 1, _far_starts), ("UNEVEN", 1e3, _partly_hidden)])
 def test_what_a_constant_is_for(name, value, case):
     """Without a second ring far starts do not converge; levels that change freely around the disc fit what hides it."""
-    image, circles = case()
-    accepted = fit_discs(image, circles).accepted
-    with disc_constants.changed(name, value):
-        without = fit_discs(image, circles).accepted
-    assert accepted.all() and not without.all()
+    accepted, without, number = 0, 0, 0
+    for seed in (2, 3, 4):
+        image, circles = case(seed)
+        accepted, number = accepted + fit_discs(image, circles).accepted.sum(), number + len(circles.radii)
+        with disc_constants.changed(name, value):
+            without += fit_discs(image, circles).accepted.sum()
+    assert accepted >= number - 1 and without <= accepted - 2
 
 
 def test_two_circles_on_one_disc_are_one_disc():
