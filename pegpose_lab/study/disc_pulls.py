@@ -47,7 +47,7 @@ class Sheet:
 BOARD = Sheet("discocal-left", (4, 3), False, (30, 110), "dark", (500, 60_000))
 SHEETS = (
     BOARD,
-    Sheet("robot-dots-10x10", (10, 10), False, (3, 12), "dark", (15, 400)),
+    Sheet("robot-dots-10x10", (10, 10), False, (2, 12), "dark", (15, 400)),
     Sheet("open3dv-dots", (7, 11), True, (6, 20), "bright", (40, 2000)),
 )
 
