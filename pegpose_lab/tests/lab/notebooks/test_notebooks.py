@@ -42,6 +42,7 @@ def test_all_steps_are_there():
         "08_paper_audit",
         "09_uncertainty",
         "10_real_parts",
+        "11_other_tools",
     } <= {path.stem for path in NOTEBOOKS}
 
 
