@@ -22,13 +22,9 @@ class DetectionError(RuntimeError):
 
     Examples
     --------
-    >>> import numpy as np
-    >>> import pegpose_lab as pl
-    >>> try:
+    >>> import contextlib, numpy as np, pegpose_lab as pl
+    >>> with contextlib.suppress(pl.DetectionError):  # go on with the next image
     ...     pl.find_corners(np.zeros((300, 400), np.uint8), pl.Checkerboard(8, 6, 29.0))
-    ... except pl.DetectionError:
-    ...     print("no board")
-    no board
     """
 
 
@@ -80,11 +76,8 @@ class Flag(str):
     Examples
     --------
     >>> from pegpose_lab import Flag
-    >>> flag = Flag("edge-of-box", "The solution sits on the edge of its box.")
-    >>> print(flag)
-    The solution sits on the edge of its box.
-    >>> "edge-of-box" in [flag.code]
-    True
+    >>> Flag("edge-of-box", "The solution sits on the edge of its box.").code
+    'edge-of-box'
     """
 
     code: str

@@ -47,6 +47,12 @@ def test_the_version_is_stated_once_more():
     assert re.search(r"^## (.*)$", changes, re.MULTILINE)[1] == pegpose_lab.__version__
 
 
+def test_files_are_short():
+    sources = [path for path in PACKAGE.rglob("*.py") if "tests" not in path.parts]
+    lengths = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in sources}
+    assert {name: length for name, length in lengths.items() if length >= 300} == {}
+
+
 @pytest.mark.parametrize("arguments", [("check", "--output-format", "concise"), ("format", "--check")])
 def test_ruff_finds_nothing(arguments):
     if importlib.util.find_spec("ruff") is None:
