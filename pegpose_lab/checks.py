@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 T = TypeVar("T")
+REMAP_LIMIT = 32_766  # px, longest side of what cv2.remap takes
 
 
 class DetectionError(RuntimeError):

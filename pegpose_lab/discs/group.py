@@ -49,11 +49,12 @@ def _fit_group(image, circles, starts, sign, max_chi2, max_misfit):
 def _simple(image, solution, reasons, seen):
     """The simple model's fits, and the indices of the discs that need a refit: the model fails, or the ground is uneven."""
     fitted = reasons == ""
-    fails = _exceeds(_variance(solution), np.maximum(solution.noise, 1e-3), solution.count)
+    in_the_ring = _variance(solution)
+    fails = _exceeds(in_the_ring, np.maximum(solution.noise, 1e-3), solution.count)
     simple = fitted & solution.converged.astype(bool) & ~(fails & seen)
-    white = ~_exceeds(_variance(solution), solution.rough, solution.count)
+    white = ~_exceeds(in_the_ring, solution.rough, solution.count)
     simple[_use_ground(image, solution, np.flatnonzero(simple & ~fails & white))] = False
-    variance, covariance = _variance(solution), np.zeros((len(reasons), 5, 5))
+    variance, covariance = _variance(solution), np.zeros((len(reasons), 5, 5))  # the ground counts, too
     covariance[fitted] = np.linalg.inv(solution.normal[fitted])[:, :5, :5] * variance[fitted, None, None]
     # Small discs have too few pixels for sectors, wide edges leave their ring: there, misfit widens the sigmas and no more.
     whole = (solution.ellipse.r < LEAST_RADIUS) | _is_wide(solution)

@@ -96,14 +96,12 @@ def _refit(shape, sectors, contrast, noise):
             known = np.where(own, 0, np.maximum(chi2, tolerated[:, None]))
             middle = _common_normal(moments, levels, around, known)[:, :12, :12] + held[:, :, None] * np.eye(12)
             alone = weights**2 * free.contrast**2 * chi2 * own
-            middle = (
-                middle * noise[:, None, None] ** 2,
-                _weighted_sum(alone, free.left)[:, :6, :6] * noise[:, None, None] ** 2,
-            )
+            shared_noise = middle * noise[:, None, None] ** 2
+            own_noise = _weighted_sum(alone, free.left)[:, :6, :6] * noise[:, None, None] ** 2
             displaced, slopes = _radial_scores(moments, levels, around, free, own, weights)
             information = slopes * np.where(own, weights**2 * chi2, known) * noise[:, None] ** 2
             excess = _excess(displaced, information)
-            _state(result, last, normal, middle, scores, excess)
+            _state(result, last, normal, shared_noise, own_noise, scores, excess)
             usual = np.average(chi2, axis=1, weights=np.maximum(weights * count, 1e-9))
             result.variance[last] = (noise**2 * usual)[last]
         active &= ~last & (result.reasons == "")
@@ -114,20 +112,19 @@ def _refit(shape, sectors, contrast, noise):
     return result
 
 
-def _state(result, rows, normal, middle, scores, excess):
+def _state(result, rows, normal, shared_noise, own_noise, scores, excess):
     """Set the covariance in some rows.
 
     Sectors with the common levels contribute what noise explains, those with their own (`scores`) what they show:
     what the model does not describe counts once for BLOCK neighbours, not for each pixel.  The other estimate takes
-    what noise explains of both (`middle`) times the `excess` of the edge's displacements; the larger one is stated.
+    what noise explains of both times the `excess` of the edge's displacements; the larger one is stated.
     """
     k = scores.shape[1]
     blocks = scores[rows, : k // BLOCK * BLOCK].reshape(-1, k // BLOCK, BLOCK, 6).sum(axis=2)
     bread = np.linalg.inv(normal[rows])
-    white = middle[0][rows]
-    white[:, :6, :6] += middle[1][rows]
+    shown, white = shared_noise[rows], shared_noise[rows]
+    white[:, :6, :6] += own_noise[rows]
     displaced = (bread @ white @ bread)[:, :5, :5] * excess[rows, None, None]
-    shown = middle[0][rows]
     shown[:, :6, :6] += blocks.swapaxes(1, 2) @ blocks * ((k / BLOCK) / (k / BLOCK - 6))
     shown = (bread @ shown @ bread)[:, :5, :5]
     ratio = np.trace(displaced[:, :2, :2], axis1=1, axis2=2) / np.trace(shown[:, :2, :2], axis1=1, axis2=2)

@@ -3,10 +3,10 @@
 import cv2
 import numpy as np
 
+from ..checks import REMAP_LIMIT
 from .ellipse import _Ellipse
 
 N_RAYS, RAY_POINTS = 64, 49
-REMAP_LIMIT = 32_766  # px, longest side of what cv2.remap takes
 
 
 def _start(image, circles, sign):

@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 
+from .plane import _images
+
 LIKE_SIZE = 1.45  # ratio of radii of two seeds of one ring: perspective, and competing edges of one disc
 PROPORTION = 1.6  # ratio of the discs' radius in the picture to what pattern and distance of two seeds make of it
 LOOSE, CLOSER, TIGHT = 0.16, 0.12, 0.08  # of the pitch radius: how near a seed lies to a place, step by step
@@ -132,14 +134,6 @@ class _Votes:
         weights = np.maximum(1 - apart**2, 0) * np.maximum(1 - size**2, 0.1) * self.seeds.shares[nearest]
         weights *= inside
         return weights.sum(axis=1), nearest, weights
-
-
-def _images(maps, places):
-    """Images (m, n, 2) of the places, and the derivatives there (m, n, 2, 2)."""
-    full = places @ maps[:, :, :2].transpose(0, 2, 1) + maps[:, None, :, 2]
-    spots = full[:, :, :2] / full[:, :, 2:]
-    jacobians = maps[:, None, :2, :2] - spots[:, :, :, None] * maps[:, None, 2:, :2]
-    return spots, jacobians / full[:, :, 2, None, None]
 
 
 def _drawn(maps, places, seeds, nearest, weights, disc_radius):

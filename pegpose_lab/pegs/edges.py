@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ..checks import REMAP_LIMIT
+
 N_RAYS = 48  # directions in which a disc's rim is looked at
 SMOOTHING = 1.0  # px, Gaussian before the gradient
 LEAST_GRADIENT = 1.0  # grey values per px: slower changes are shading
@@ -75,7 +77,7 @@ def _directed(field, outlines, offsets):
     k, flat = len(places), places.reshape(len(places) * N_RAYS, -1, 2).astype(np.float32)
     sampled = [
         cv2.remap(field.gradient, np.ascontiguousarray(part), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-        for part in np.array_split(flat, len(flat) // 30_000 + 1)
+        for part in np.array_split(flat, len(flat) // REMAP_LIMIT + 1)
     ]
     gradient = np.concatenate(sampled).reshape(k, N_RAYS, -1, 2)
     strength = -np.einsum("kmtc,kmc->kmt", gradient, outlines.normals.astype(np.float32))

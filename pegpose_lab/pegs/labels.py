@@ -111,17 +111,27 @@ def _screws_look_alike(shift, hub):
 def _choose(labellings, circles, previous):
     """The labelling that `locate_pegs` promises."""
     if previous is None or len(labellings) == 1:
-        farthest = min(labelling.screws[0, 0] for labelling in labellings) + EQUALLY_LEFT
-        return min((one for one in labellings if one.screws[0, 0] <= farthest), key=lambda one: one.screws[0, 1])
+        return labellings[_leftmost([labelling.screws[0] for labelling in labellings])]
+    return labellings[
+        _least_move([circles.centers[labelling.pegs] for labelling in labellings], previous, "hub", "pegs")
+    ]
+
+
+def _leftmost(points):
+    """Which of the points is farthest left in the image, of two equally far left the upper one."""
+    points = np.asarray(points)
+    left = np.flatnonzero(points[:, 0] <= points[:, 0].min() + EQUALLY_LEFT)
+    return left[np.argmin(points[left, 1])]
+
+
+def _least_move(labelled, previous, part, places):
+    """In which of the labelled arrays of centres the places moved least since the frame before, relative to their middle."""
     before = previous.peg_centers - previous.peg_centers.mean(axis=0)
-    moves = []
-    for labelling in labellings:
-        now = circles.centers[labelling.pegs]
-        moves.append(np.linalg.norm(now - now.mean(axis=0) - before))
+    moves = [np.linalg.norm(now - now.mean(axis=0) - before) for now in labelled]
     best, second = np.argsort(moves, kind="stable")[:2]
     if moves[best] > CLEAR_TURN * moves[second]:
         raise DetectionError(
-            "the hub turned too far since the previous frame: two labellings move the pegs about equally far; "
+            f"the {part} turned too far since the previous frame: two labellings move the {places} about equally far; "
             "take frames more often, or drop previous and label anew"
         )
-    return labellings[best]
+    return best

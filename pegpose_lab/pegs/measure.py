@@ -9,6 +9,7 @@ from ..checks import DetectionError, Flag
 from ..discs import fit_discs
 from .candidates import _as_circles
 from .edges import _ellipses, _field, _rims, _visible
+from .plane import _images
 from .rings import RADIUS_TOLERANCE
 
 SHAPE_TOLERANCE = 0.03  # of a peg's semi-axes, against what the other pegs' places make of it
@@ -104,12 +105,13 @@ def _measure(image, circles, ring, labelling, hub, labelled_by, turns):
     parts, covariances, reasons, shapes = _fit_parts(image, located)
     sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     _check_fits(reasons, names, n)
-    _check_shapes(parts[:n, :2], shapes[:n], hub)
+    homography = _homography(parts[:n, :2], hub)
+    _check_shapes(homography, shapes[:n], hub)
     return PegObservation(
         peg_centers=parts[:n, :2],
         peg_radii=parts[:n, 2],
         peg_sigmas=sigmas[:n],
-        hub_center=_image_of_center(parts[:n, :2], hub),
+        hub_center=homography[:2, 2] / homography[2, 2],
         screw_centers=parts[n + 1 :, :2],
         screw_radii=parts[n + 1 :, 2],
         screw_sigmas=sigmas[n + 1 :],
@@ -120,7 +122,7 @@ def _measure(image, circles, ring, labelling, hub, labelled_by, turns):
         peg_covariances=covariances[:n],
         states=("measured",) * n,
         visible=_visible_rims(image, parts[:n, :2], shapes[:n]),
-        homography=_homography(parts[:n, :2], hub),
+        homography=homography,
         labelled_by=labelled_by,
         turns=turns,
     )
@@ -186,18 +188,14 @@ def _check_fits(reasons, names, n_pegs):
         )
 
 
-def _check_shapes(centers, shapes, hub):
+def _check_shapes(homography, shapes, hub):
     """Raise if a peg's ellipse is not what the pegs' common homography makes of a peg.
 
     A peg that is cut off along a straight line can look like a smaller ellipse; the other pegs show that it is not.
     """
-    homography = _homography(centers, hub)
-    ratios = []
-    for peg, shape in zip(hub.peg_centers, shapes, strict=True):
-        top, weight = homography[:2] @ (peg[0], peg[1], 1), homography[2] @ (peg[0], peg[1], 1)
-        jacobian = (homography[:2, :2] - np.outer(top / weight, homography[2, :2])) / weight * hub.peg_radius
-        ratios.append(np.sqrt(np.linalg.eigvals(np.linalg.solve(jacobian @ jacobian.T, shape)).real))
-    misfits = np.max(np.abs(np.array(ratios) - 1), axis=1)
+    jacobians = hub.peg_radius * _images(homography, hub.peg_centers[:, :2])[1]
+    squares = np.linalg.solve(jacobians @ jacobians.transpose(0, 2, 1), shapes)
+    misfits = np.max(np.abs(np.sqrt(np.linalg.eigvals(squares).real) - 1), axis=1)
     worst = int(np.argmax(misfits))
     if misfits[worst] > (SHAPE_TOLERANCE if hub.n_pegs > 3 else RADIUS_TOLERANCE):
         raise DetectionError(
@@ -214,9 +212,3 @@ def _homography(peg_centers, hub):
     middle = peg_centers.mean(axis=0)
     shift = np.array([[1, 0, middle[0]], [0, 1, middle[1]], [0, 0, 1]])
     return shift @ cv2.findHomography(hub.peg_centers[:, :2], peg_centers - middle)[0]
-
-
-def _image_of_center(peg_centers, hub):
-    """Image of the hub frame's origin."""
-    homography = _homography(peg_centers, hub)
-    return homography[:2, 2] / homography[2, 2]

@@ -18,6 +18,15 @@ LAST_SCALE = (
 ELLIPSE_SCALE = 0.1  # of the radius: the same for ellipses of the places' own
 
 
+def _images(homographies, spots):
+    """Images (..., n, 2) of points (..., n, 2) of a plane and their derivatives (..., n, 2, 2), by one homography (3, 3), or
+    by m of them (m, 3, 3)."""
+    full = spots @ np.swapaxes(homographies[..., :2], -1, -2) + homographies[..., None, :, 2]
+    points, rows = full[..., :2] / full[..., 2:], homographies[..., None, :, :2]
+    jacobians = rows[..., :2, :] - points[..., None] * rows[..., 2:, :]
+    return points, jacobians / full[..., 2, None, None]
+
+
 @dataclass(frozen=True, eq=False)
 class _Plane:
     """The image of a ring: homography (3, 3) from the pattern (middle at 0, size 1), radius of the discs there."""
@@ -29,7 +38,7 @@ class _Plane:
         """Outlines of discs at `places` (n, 2) in the plane; a unit of offset is their radius."""
         radii = np.full(len(places), self.radius) if radii is None else np.asarray(radii)
         spots = places[:, None] + radii[:, None, None] * RAYS
-        points, jacobian = self._image(spots)
+        points, jacobian = _images(self.homography, spots)
         along = np.einsum("kmij,kmj->kmi", jacobian, radii[:, None, None] * RAYS)
         tangents = np.einsum("kmij,mj->kmi", jacobian, RAYS[:, ::-1] * [-1, 1])
         normals = tangents[:, :, ::-1] * [1, -1]
@@ -48,17 +57,10 @@ class _Plane:
             shapes[k] = vectors * np.sqrt(np.maximum(values, 1e-12)) @ vectors.T
         return centers, shapes
 
-    def _image(self, spots):
-        """Images of points (..., 2) and their derivatives (..., 2, 2)."""
-        full = spots @ self.homography[:, :2].T + self.homography[:, 2]
-        points = full[..., :2] / full[..., 2:]
-        jacobian = self.homography[:2, :2] - points[..., :, None] * self.homography[2, :2]
-        return points, jacobian / full[..., 2][..., None, None]
-
     @property
     def tilt(self):
         """Ratio of the axes of a small circle's image in the middle."""
-        singular = np.linalg.svd(self._image(np.zeros((1, 2)))[1][0], compute_uv=False)
+        singular = np.linalg.svd(_images(self.homography, np.zeros((1, 2)))[1][0], compute_uv=False)
         return float(singular[0] / max(singular[1], 1e-12))
 
 
@@ -87,7 +89,7 @@ def _fit_plane(field, plane, places, signs, radius, reaches=REACHES, used=None):
         if not _is_sane(plane, outlines):
             return None
         widest = max(reach * outlines.px.mean(), LAST_REACH)
-        rims, found = _rims(field, outlines, signs, widest / outlines.px.mean())
+        rims, _ = _rims(field, outlines, signs, widest / outlines.px.mean())
         if used is not None:
             rims = _Rims(rims.offsets, rims.weights * used[:, None])
         last = reach == reaches[-1]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import DetectionError, Flag, as_number
+from ..checks import REMAP_LIMIT, DetectionError, Flag, as_number
 from .design import _design
 from .edges import _field, _refined
 from .judge import WORTH, _agreement
@@ -14,7 +14,6 @@ from .search import _followed, _no_seeds, _rings
 from .seeds import _seeds
 from .turns import _label, _rotation
 
-REMAP_LIMIT = 32_766  # px, longest side of what cv2.remap takes
 LEAST_RADIUS = 3.0  # px: smaller discs have too few edge points for an ellipse
 LARGEST_RING = 0.75  # of the picture's shorter side: pitch radius of a ring that is looked for without a radius range
 SMALLEST_RING = 0.05

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from .consensus import _hypotheses, _images
+from .consensus import _hypotheses
 from .edges import _rims
 from .judge import WORTH, _judged, _own
-from .plane import _fit_plane, _fit_to_ellipses, _is_sane, _Plane, _starts
+from .plane import _fit_plane, _fit_to_ellipses, _images, _is_sane, _Plane, _starts
 from .seeds import _Seeds
 
 CLEAR = 0.85  # value of a ring, and share of all its rims, that leaves little to look for
@@ -78,11 +78,11 @@ def _without_twins(rings, design):
     """The rings without those whose places are those of a better one, turned or not."""
     kept, seen = [], []
     for ring in rings:
-        spots, jacobians = _images(ring.plane.homography[None], design.places)
+        spots, jacobians = _images(ring.plane.homography, design.places)
         reach = SAME_RING * ring.plane.radius * np.sqrt(np.linalg.det(jacobians).mean())
-        if all(np.abs(spots[0] - other).max() > reach for other in seen):
+        if all(np.abs(spots - other).max() > reach for other in seen):
             kept.append(ring)
-            seen += [spots[0][turn] for turn in design.turns]
+            seen += [spots[turn] for turn in design.turns]
     return kept
 
 

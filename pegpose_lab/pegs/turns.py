@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import DetectionError
 from .design import SIGNS
 from .edges import _refined
 from .judge import _agreement
-from .labels import CLEAR_TURN, EQUALLY_LEFT
+from .labels import _least_move, _leftmost
 
 MARK_REACHES = (0.35, 0.2)  # of a mark's radius
 MARK_SEEN = 0.5  # how much of a mark has to be there
@@ -54,9 +53,10 @@ def _label(field, ring, design, pattern, previous, base):
     if len(possible) == 1:
         chosen, by = possible[0], "mark" if pattern.marks and clear.max() > 0 else by
     elif previous is not None:
-        chosen, by = possible[_least_move(centers, [turns[i] for i in possible], previous)], "previous frame"
+        labelled = [centers[turns[i]] for i in possible]
+        chosen, by = possible[_least_move(labelled, previous, "ring", "discs")], "previous frame"
     else:
-        chosen = possible[_leftmost(centers, [turns[i] for i in possible])]
+        chosen = possible[_leftmost([centers[turns[i][0]] for i in possible])]
     marks = _marks_seen(field, ring, design, pattern, turns[chosen], depth)
     back = np.argsort(turns[chosen])
     rest = [back[turns[i]] for i in possible if i != chosen]
@@ -80,23 +80,3 @@ def _marks_seen(field, ring, design, pattern, turn, depth):
     seen = _agreement(centers, shapes, *own[:2]) * own[2]
     kept = seen > 0
     return np.where(kept[:, None], own[0], centers), np.where(kept[:, None, None], own[1], shapes), seen
-
-
-def _least_move(centers, turns, previous):
-    """Which of the turns moves the places least since the frame before, relative to their middle."""
-    before = previous.peg_centers - previous.peg_centers.mean(axis=0)
-    moves = np.array([np.linalg.norm(centers[turn] - centers.mean(axis=0) - before) for turn in turns])
-    best, second = np.argsort(moves, kind="stable")[:2]
-    if moves[best] > CLEAR_TURN * moves[second]:
-        raise DetectionError(
-            "the ring turned too far since the previous frame: two labellings move the discs about equally far; "
-            "take frames more often, or drop previous and label anew"
-        )
-    return best
-
-
-def _leftmost(centers, turns):
-    """Which of the turns has place 1 farthest left in the picture, of two equally far left the upper one."""
-    first = np.array([centers[turn[0]] for turn in turns])
-    left = np.flatnonzero(first[:, 0] <= first[:, 0].min() + EQUALLY_LEFT)
-    return left[np.argmin(first[left, 1])]

@@ -61,7 +61,7 @@ class Discs:
     @property
     def size(self) -> float:
         """Largest distance of a centre from the origin, mm."""
-        return float(np.sqrt(np.max(np.sum(self.centers**2, axis=1))))
+        return _size(self.centers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +149,10 @@ def _solved(matrix, right):
         return np.full(right.shape, np.inf)
 
 
+def _size(points):
+    return float(np.sqrt(np.max(np.sum(points**2, axis=1))))
+
+
 def _length(step, size):
     return max(np.abs(step[:3]).max() / size, np.abs(step[3:]).max())
 
@@ -186,7 +190,7 @@ def descend(pose: Pose, points: NDArray[np.float64], target: NDArray[np.float64]
 
     It ends after a step no longer than `settled`.
     """
-    size, damping = float(np.sqrt(np.max(np.sum(points**2, axis=1)))), 0.0
+    size, damping = _size(points), 0.0
     directions, jacobian = _directions(pose, points)
     residuals, jacobian = (directions - target).ravel(), jacobian.reshape(-1, 6)
     for _ in range(STEPS):

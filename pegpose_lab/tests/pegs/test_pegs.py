@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.paper import paper_experiment
 from pegpose_lab.pegs import locate_pegs, track_pegs
-from pegpose_lab.pegs.measure import _check_fits, _check_shapes, _flags_of
+from pegpose_lab.pegs.measure import _check_fits, _check_shapes, _flags_of, _homography
 from pegpose_lab.pegs.rings import _rings_around
 from pegpose_lab.pose import estimate_pose
 from pegpose_lab.render import render_hub
@@ -137,12 +137,12 @@ def test_pegs_are_judged_by_their_neighbours():
     matrix = np.column_stack([x - origin, y - origin]) / 10  # affine: far from the camera
     centers = origin + hub.peg_centers[:, :2] @ matrix.T
     shapes = np.tile(hub.peg_radius**2 * matrix @ matrix.T, (4, 1, 1))
-    _check_shapes(centers, shapes, hub)
+    _check_shapes(_homography(centers, hub), shapes, hub)
     for change in (np.diag([0.92, 0.92]), np.diag([1.0, 0.92]), np.diag([1.08, 1.0])):
         wrong = shapes.copy()
         wrong[2] = change @ wrong[2] @ change
         with pytest.raises(DetectionError, match="peg 3 is"):
-            _check_shapes(centers, wrong, hub)
+            _check_shapes(_homography(centers, hub), wrong, hub)
 
 
 def test_every_peg_and_a_screw_must_be_measured():
