@@ -1,0 +1,90 @@
+r"""Views that do not fit the others: a view with large residuals is left out and the others are fitted again.
+
+If the view is of the same camera and as accurate as the others, (SSE - SSE') / (SSE' / :math:`\nu'`), divided by its
+:math:`2 m - 6` degrees of freedom, has an F distribution.  A view whose variance is more than `STANDS_OUT` times that
+of the others is flagged.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...checks import CalibrationError
+from .bundle import SMALLEST_RMS
+from .fitting import fit_views
+from .richer import LEVEL, compared, f_tail, plain
+from .views import evaluate
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from .fitting import Fit
+
+STANDS_OUT, SUSPECT = 9.0, 4.0
+"""A view is tried from `SUSPECT` times the median view's variance, and flagged from `STANDS_OUT` times the others'."""
+
+
+def outlying_views(
+    fit: Fit, object_points: Sequence[NDArray[np.float64]], image_points: Sequence[NDArray[np.float64]], loss: str
+) -> tuple[list[int], Fit]:
+    """The views that do not fit the others, counted from 0, and the `Fit` without them (or no views and the same fit).
+
+    Views are left out, worst first, until none is suspect.  Each must then stand out when it alone is put back.
+    """
+    points, out, rest = (object_points, image_points), [], fit
+    try:
+        while 2 * len(out) + 2 < len(object_points):
+            ratios = _by_the_median(rest)
+            if ratios.max() < SUSPECT:
+                break
+            out.append([view for view in range(len(object_points)) if view not in out][int(np.argmax(ratios))])
+            rest = fit_views(fit.model, *without(out, *points), loss)
+        for view in tuple(out):
+            others = [other for other in out if other != view]
+            with_it = fit_views(fit.model, *without(others, *points), loss) if others else fit
+            if not _stands_out(with_it, rest, len(object_points)):
+                return [], fit
+    except (CalibrationError, np.linalg.LinAlgError):  # the others do not determine the camera
+        return [], fit
+    return sorted(out), rest
+
+
+def _by_the_median(fit):
+    """Variance of each view's residuals, relative to that of the median view."""
+    residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.weights[..., None]
+    counts = 2 * fit.views.used.sum(axis=1)
+    freedom = np.maximum(counts - 6 - len(fit.model.names) * counts / counts.sum(), 1)
+    variances = np.sum(residuals**2, axis=(1, 2)) / freedom
+    return variances / max(np.median(variances), SMALLEST_RMS**2)
+
+
+def _stands_out(with_it, rest, number):
+    """Whether the one view that two fits differ by fits significantly worse than the rest of `number` views."""
+    freedom = with_it.freedom - rest.freedom
+    ratio = (with_it.squares - rest.squares) / freedom / rest.variance
+    return ratio > STANDS_OUT and f_tail(ratio, freedom, rest.freedom) < LEVEL / number
+
+
+def view_sentence(fit: Fit, views: Sequence[int], rest: Fit) -> str:
+    """A sentence that names the views that do not fit, and the result without them."""
+    residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.views.used[..., None]
+    rms = np.sqrt(np.sum(residuals**2, axis=(1, 2)) / fit.views.used.sum(axis=1))
+    which = f"View{'s' * (len(views) > 1)} {', '.join(map(str, views))} (counted from 0)"
+    here, alone = np.max(rms[views]), np.sqrt(2 * rest.variance)
+    moved = plain(compared(rest, fit.model)[0] - compared(fit, fit.model)[0], 2, True)
+    does, it = ("does", "it") if len(views) == 1 else ("do", "them")
+    return (
+        f"{which} {does} not fit the others: an rms of {plain(here, 2)} px, where these alone have "
+        f"{plain(alone, 2)} px, and without {it} f moves by {moved} {fit.model.unit}. Check the order of the points, "
+        f"wrong corners, and that all images are of one camera, size and focus; or leave {it} out."
+    )
+
+
+def without(views: Sequence[int], *lists: Sequence[Any]) -> list[list[Any]]:
+    """Lists without some of their entries."""
+    return [[entry for view, entry in enumerate(entries) if view not in views] for entries in lists]
