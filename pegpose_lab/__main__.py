@@ -189,7 +189,7 @@ def _measure(options):
 
     folder = options.output / "data" / "measured"
     _check_writable(folder)
-    if not options.names or "peer_settings" in options.names:
+    if not options.names or {"peer_settings", "peer_counts"} & set(options.names):
         environment.add_bench_packages()
     return measuring.measure(options.names, folder)
 

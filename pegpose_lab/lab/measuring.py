@@ -28,6 +28,10 @@ MEASUREMENTS = {
         "study.write_circle_counts", ("circle_counts", "missed_circles"), "5 s",
         ("visp-mire2-a", "visp-grid36-a", "skimage-coins", "conrods-a", "screws4-a", "opencv-samples"),
     ),
+    "peer_counts": Measurement(
+        "bench.write_peer_counts", ("peer_counts",), "1 min",
+        ("visp-mire2-a", "visp-grid36-a", "skimage-coins", "conrods-a", "screws4-a", "opencv-samples"),
+    ),
     "screw_bits": Measurement("study.write_screw_bits", ("screw_bits",), "1 s", ("screws4-a",)),
     "segmented_parts": Measurement("study.write_parts", ("segmented_parts",), "1 s", ("skimage-coins",)),
     "visp_circles_centers": Measurement("study.write_grid", ("visp_circles_centers",), "2 s", ("visp_circles",)),
