@@ -5,11 +5,15 @@ them return a `result.Calibration`.  A calibration method is one file here and o
 `methods.CALIBRATION_METHODS`, which `study` and the notebooks read (.github/CONTRIBUTING.md shows an example).
 """
 
+from .difference import CalibrationDifference, difference
+from .halves import Halves, split_halves
+from .image_map import ImageMap, image_grid
 from .joint.calibrate import calibrate_joint
 from .joint.dlt import calibrate_dlt
 from .joint.profile import profile_focal_length, weakest_direction
 from .methods import CALIBRATION_METHODS
 from .pose_of_board import board_pose, board_poses
+from .projection_uncertainty import ProjectionUncertainty, projection_uncertainty
 from .result import Calibration
 from .two_stage.flags import edge_intervals
 from .two_stage.genes import BOX
@@ -25,7 +29,11 @@ __all__ = [
     "BOX",
     "Calibration",
     "CALIBRATION_METHODS",
+    "CalibrationDifference",
+    "Halves",
+    "ImageMap",
     "PENALTY",
+    "ProjectionUncertainty",
     "TwoStageObjective",
     "blend_crossover",
     "board_pose",
@@ -36,12 +44,16 @@ __all__ = [
     "calibrate_tsai",
     "calibrate_zhang",
     "calibration_at",
+    "difference",
     "edge_intervals",
+    "image_grid",
     "minimize_genetic",
     "optimum_in_box",
     "power_mutation",
     "profile_focal_length",
+    "projection_uncertainty",
     "repeat_calibration",
     "solve_images",
+    "split_halves",
     "weakest_direction",
 ]

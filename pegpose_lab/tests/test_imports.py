@@ -26,6 +26,7 @@ ORDER = (
         "lab.figure_digest",
         "lab.style",
         "lab.plotting",
+        "lab.maps",
     ),
     ("paper", "paper.claims", "paper.diagrams"),
     ("study",),
