@@ -5,7 +5,7 @@ them return a `result.Calibration`.  A calibration method is one file here and o
 `methods.CALIBRATION_METHODS`, which `study` and the notebooks read (.github/CONTRIBUTING.md shows an example).
 """
 
-from .difference import CalibrationDifference, difference
+from .differencing import CalibrationDifference, difference
 from .halves import Halves, split_halves
 from .image_map import ImageMap, image_grid
 from .joint.calibrate import calibrate_joint
@@ -13,7 +13,6 @@ from .joint.dlt import calibrate_dlt
 from .joint.profile import profile_focal_length, weakest_direction
 from .methods import CALIBRATION_METHODS
 from .pose_of_board import board_pose, board_poses
-from .projection_uncertainty import ProjectionUncertainty, projection_uncertainty
 from .result import Calibration
 from .two_stage.flags import edge_intervals
 from .two_stage.genes import BOX
@@ -23,6 +22,7 @@ from .two_stage.operators import blend_crossover, power_mutation
 from .two_stage.oracle import optimum_in_box
 from .two_stage.ratios import solve_images
 from .two_stage.stages import calibrate_genetic, calibrate_tsai, calibration_at, repeat_calibration
+from .uncertainty import ProjectionUncertainty, projection_uncertainty
 from .zhang import calibrate_zhang
 
 __all__ = [

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import CalibrationError, as_choice, as_count, as_views
-from .difference import ROUNDING, difference
+from .differencing import ROUNDING, difference
 from .image_map import COLUMNS, ImageMap
 from .lens_derivative import lens_covariance
 from .result import MINIMUM_POINTS

@@ -20,8 +20,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from ..checks import CalibrationError, as_choice, as_number
 from .image_map import COLUMNS, ImageMap, image_grid
 from .lens_derivative import by_direction, by_turn, lens_covariance, lens_derivative
-from .projection_uncertainty import as_distance, unit_rays
 from .result import Calibration
+from .uncertainty import as_distance, unit_rays
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
