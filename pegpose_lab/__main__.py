@@ -13,7 +13,7 @@ import subprocess
 import sys
 
 from .files import results_folder
-from .lab import command_line, environment
+from .lab import calibrators, command_line, environment
 from .lab.environment import CHECKOUT
 from .lab.notebooks import exploring
 
@@ -144,6 +144,7 @@ def _bench(options):
     if not options.quick:
         _check_writable(options.output)
     environment.add_bench_packages()
+    calibrators.add_calibrators()
     from . import bench
     from .lab import front_page, results
 
