@@ -56,6 +56,8 @@ class Flag(str):
     noisy-focal-length        much of what the views seem to tell about f may be noise
     misfit-lens               a lens model with more parameters fits the points better
     misfit-view               some views do not fit the others
+    clustered-sigmas          a view's errors are not independent; the sigmas are those of the scatter between views
+    correlated-corners        a view's errors are not independent, and too few views are there to allow for it
     points-outside            some points lie outside of the image
     size-swapped              the principal point is that of an image with width and height swapped
     edge-of-box               the genetic algorithm's solution sits on the edge of its box

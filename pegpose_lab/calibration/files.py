@@ -135,9 +135,12 @@ def _as_nodes(calibration):
         nodes["residuals"] = np.concatenate(calibration.residuals)
     if calibration.n_parameters is not None:
         nodes["n_parameters"] = calibration.n_parameters
+    if calibration.freedom is not None:
+        nodes["freedom"] = calibration.freedom
     nodes["flags"] = list(_as_texts(calibration.flags))
     nodes["flag_codes"] = list(_as_texts(getattr(flag, "code", "unknown") for flag in calibration.flags))
-    for name in ("history", "covariance"):
+    same = calibration.classical_covariance is calibration.covariance
+    for name in ("history", "covariance", *["classical_covariance"] * (not same)):
         table = getattr(calibration, name)
         if table is not None:
             nodes |= {f"{name}_columns": list(table.columns), name: table.to_numpy(np.float64)}
@@ -236,11 +239,12 @@ def _from_nodes(nodes):
     if model not in cameras:
         raise KeyError(f"camera_model is {model!r}")
     poses = _poses(nodes) if "extrinsic_parameters" in nodes else []
-    history, covariance = nodes.table("history"), nodes.table("covariance")
+    history, covariance, classical = map(nodes.table, ("history", "covariance", "classical_covariance"))
     if history is not None:
         history = history.astype({"generation": int, "evaluations": int})
-    if covariance is not None:
-        covariance.index = covariance.columns
+    for table in (covariance, classical):
+        if table is not None:
+            table.index = table.columns
     return {
         "camera": cameras[model](nodes),
         "cam_from_object": poses,
@@ -249,6 +253,8 @@ def _from_nodes(nodes):
         "history": history,
         "covariance": covariance,
         "n_parameters": int(nodes.number("n_parameters")) if "n_parameters" in nodes else None,
+        "classical_covariance": covariance if classical is None else classical,  # written only if it differs
+        "freedom": int(nodes.number("freedom")) if "freedom" in nodes else None,
     }
 
 

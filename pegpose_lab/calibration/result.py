@@ -18,7 +18,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ..camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
-from ..checks import Flag, outside
+from ..checks import Flag, as_number, outside
 from .files import read_calibration, write_calibration
 from .two_stage.tsai import judge_interval
 
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
     import pandas as pd
     from numpy.typing import NDArray
+
+LEAST_VIEWS = 5
+"""Fewest views whose scatter can give the sigmas: of five views it has four degrees of freedom, and an interval is 2.8
+sigmas on either side; of four or three, 3.2 and 4.3."""
 
 MINIMUM_POINTS = 5
 """Fewest points of a view: Tsai's method solves for five ratios of a plane."""
@@ -57,9 +61,13 @@ class Calibration:
         The genetic algorithm's history, one row per generation (see `GeneticResult`), with the best chromosome's
         ``focal_length``, ``T_z`` and ``kappa1``.
     covariance : DataFrame or None
-        Covariance matrix of the parameters; rows and columns are named after them, and views count from 0.  It is
-        valid if the lens follows the model and the noise is independent and equal at all points (see `flags`).
-        Rotations are ``rx_0, ry_0, rz_0``: radians about the camera's axes, applied after the estimate.
+        Covariance matrix of the parameters; rows and columns are named after them, and views count from 0.
+        Rotations are ``rx_0, ry_0, rz_0``: radians about the camera's axes, applied after the estimate.  From
+        `LEAST_VIEWS` views on it allows for errors that are not independent within a view (`sigmas_from`).
+    classical_covariance : DataFrame or None
+        The same for independent errors that are equal at all points.
+    freedom : int or None
+        Degrees of freedom of the sigmas of `covariance`, as `interval` takes them.
     populations : (generations + 1, n, 2) ndarray or None
         (f, T_z) of every chromosome of every generation of the genetic algorithm, best first; not saved.
     n_parameters : int or None
@@ -88,6 +96,8 @@ class Calibration:
     covariance: pd.DataFrame | None = None
     populations: np.ndarray | None = None
     n_parameters: int | None = None
+    classical_covariance: pd.DataFrame | None = None
+    freedom: int | None = None
 
     @property
     def mean_distance(self) -> float:
@@ -115,6 +125,46 @@ class Calibration:
             known = "no covariance" if self.covariance is None else ", ".join(self.covariance.index)
             raise ValueError(f"name is {name!r}; this calibration has {known}")
         return float(np.sqrt(self.covariance.loc[name, name]))
+
+    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
+        """Return the interval (low, high) of a camera's parameter that holds it with this probability.
+
+        Raises
+        ------
+        ValueError
+            If the camera has no such parameter, it has no sigma, or the level is not between 0 and 1.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pegpose_lab import paper, calibrate_joint
+        >>> truth = paper.paper_experiment()
+        >>> board, rng = truth.board.object_points, np.random.default_rng(0)
+        >>> seen = [truth.camera.project(board, pose) for pose in truth.cam_from_boards]
+        >>> seen = [points + 0.1 * rng.standard_normal(points.shape) for points in seen]
+        >>> low, high = calibrate_joint([board] * 5, seen, truth.camera.sensor).interval("focal_length")
+        >>> round(low, 2), round(high, 2), low < truth.camera.focal_length < high
+        (47.85, 48.05, True)
+        """
+        if name not in self.camera.parameters or self.freedom is None:
+            raise ValueError(
+                f"name is {name!r}; expected one of {', '.join(self.camera.parameters)}, with a covariance"
+            )
+        value, sigma = self.camera.parameters[name], self.sigma(name)
+        half = stdtrit(self.freedom, (1 + as_number(level, "level", 0, 1, exclusive=True)) / 2) * sigma
+        return value - half, value + half
+
+    @property
+    def sigmas_from(self) -> str:
+        """What the stated sigmas come from, in words: ``"independent errors"``, ``"scatter between views"``, or
+        ``"independent errors, not checked: 3 views, at least 5 are needed"``."""
+        if self.covariance is None:
+            return "no covariance"
+        if self.classical_covariance is not None and not self.covariance.equals(self.classical_covariance):
+            return "scatter between views"
+        views = len(self.cam_from_object)
+        few = f", not checked: {views} view{'s' * (views > 1)}, at least {LEAST_VIEWS} are needed"
+        return "independent errors" + few * (views < LEAST_VIEWS)
 
     def correlation(self, first: str, second: str) -> float:
         """Correlation of two parameters of `covariance`, -1 to 1; raises ValueError like `sigma`."""

@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from ..camera import OpenCVCamera, Sensor, TsaiCamera
 from ..checks import CalibrationError, as_views, undetermined_if_singular
 from .joint.fitting import fit_at
+from .joint.judge import judge_independence
 from .joint.misfit import judge_misfit
 from .joint.models import COEFFICIENTS, lens_model
 from .joint.starts import demand_views
@@ -95,13 +96,14 @@ def calibrate_zhang(
     demand_views(object_points, image_points, size)
     found, poses = _opencv_calibration(object_points, image_points, size, model.coefficient_names)
     fit = _fit_of(model, found, poses, object_points, image_points)
-    flags = judge_focal_length(fit.covariance, "f_x", found.camera_matrix[0, 0], "px", fit.freedom)
-    flags += judge_image_size(found, image_points) + judge_misfit(fit, object_points, image_points)
+    flags = judge_focal_length(fit.covariance, "f_x", found.camera_matrix[0, 0], "px", fit.sigma_freedom)
+    flags += judge_independence(fit) + judge_image_size(found, image_points)
+    flags += judge_misfit(fit, object_points, image_points)
     residuals = [
         found.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)
     ]
-    return Calibration(found, poses, residuals, flags, covariance=fit.covariance, n_parameters=len(fit.covariance))
+    return Calibration(found, poses, residuals, flags, **fit.stated())
 
 
 def _as_coefficients(coefficients):

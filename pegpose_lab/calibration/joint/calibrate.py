@@ -14,7 +14,7 @@ from ...camera import Sensor, TsaiCamera, as_sensor
 from ...checks import CalibrationError, as_choice, as_views, undetermined_if_singular
 from ..result import MINIMUM_POINTS, Calibration, judge_image_size
 from .fitting import fit_views
-from .judge import _judge
+from .judge import _judge, judge_independence
 from .misfit import judge_misfit, views_in_doubt
 from .models import lens_model
 from .starts import demand_views
@@ -105,9 +105,10 @@ def calibrate_joint(
         doubt = views_in_doubt(fit, object_points, image_points, loss)
         raise CalibrationError(f"{doubt} With all views: {error}" if doubt else str(error)) from error
     found, poses = model.camera(fit.state.shared), fit.state.poses(fit.views)
-    flags += judge_image_size(found, image_points) + judge_misfit(fit, object_points, image_points, loss)
+    flags += judge_independence(fit) + judge_image_size(found, image_points)
+    flags += judge_misfit(fit, object_points, image_points, loss)
     residuals = [
         found.project(points, pose) - measured
         for points, measured, pose in zip(object_points, image_points, poses, strict=True)
     ]
-    return Calibration(found, poses, residuals, flags, covariance=fit.covariance, n_parameters=len(fit.covariance))
+    return Calibration(found, poses, residuals, flags, **fit.stated())

@@ -23,10 +23,18 @@ LEAST_INFORMATION = 1e-11
 fraction of the information that remains when the poses are unknown."""
 
 
-def covariance_of(model: LensModel, views: Views, state: State, equations: Equations, variance: float) -> pd.DataFrame:
+def covariance_of(
+    model: LensModel,
+    views: Views,
+    state: State,
+    equations: Equations,
+    variance: float,
+    shared: NDArray[np.float64] | None = None,
+) -> pd.DataFrame:
     """Covariance of all parameters as a labelled table; translations refer to the objects' own origins.
 
-    `equations` must be without weights; `variance` is that of one image coordinate, px^2.
+    `equations` must be without weights; `variance` is that of one image coordinate, px^2.  `shared` (k, k) is the
+    covariance of the camera's parameters if it is not the classical one; then `variance` only gives what is a pose's own.
     """
     values, directions, moved = equations.directions()
     if not values[0] > LEAST_INFORMATION:
@@ -35,14 +43,15 @@ def covariance_of(model: LensModel, views: Views, state: State, equations: Equat
     by_shared = equations.eliminated()[1]
     v, _, k = by_shared.shape
     scale = np.sqrt(np.diagonal(equations.a))
-    shared = (directions.T / values @ directions) / np.outer(scale, scale)
+    if shared is None:
+        shared = variance * (directions.T / values @ directions) / np.outer(scale, scale)
     to_origin = np.zeros((v, 6, 6))  # origin's shift = centroid's shift - turn x (centroid - origin)
     to_origin[:, range(6), range(6)] = 1
     x, y, z = np.einsum("vij,vj->iv", state.rotations, views.centroids)
     to_origin[:, 3, 1], to_origin[:, 4, 0], to_origin[:, 5, 0] = -z, z, -y
     to_origin[:, 3, 2], to_origin[:, 4, 2], to_origin[:, 5, 1] = y, -x, x
     by_shared = (to_origin @ by_shared).reshape(6 * v, k)
-    own = to_origin @ np.linalg.inv(equations.c) @ to_origin.transpose(0, 2, 1)
+    own = variance * to_origin @ np.linalg.inv(equations.c) @ to_origin.transpose(0, 2, 1)
     whole = np.empty((k + 6 * v, k + 6 * v))
     whole[:k, :k] = shared
     whole[k:, :k] = -by_shared @ shared
@@ -53,7 +62,7 @@ def covariance_of(model: LensModel, views: Views, state: State, equations: Equat
     names = model.names + pose_names(v)
     import pandas as pd
 
-    return pd.DataFrame(variance * whole, names, names)
+    return pd.DataFrame(whole, names, names)
 
 
 def _undetermined(names, directions, poses):

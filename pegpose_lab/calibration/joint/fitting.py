@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...checks import CalibrationError
 from .bundle import SMALLEST_RMS, Equations, minimise, minimise_robust
+from .clustered import Scatter, scatter_of_views
 from .covariance import covariance_of
 from .starts import find_start
 from .views import State, Views, evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from typing import Any
 
     import pandas as pd
     from numpy.typing import NDArray
@@ -24,9 +26,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model: the state at the minimum, its equations without weights, and the covariance.
+    """A fitted model: the state at the minimum, its equations without weights, and the covariance that is stated.
 
-    `weights` are 1 where there is a point, or those of a robust loss; `variance` is that of one image coordinate, px^2.
+    `weights` are 1 where there is a point, or those of a robust loss; `variance` is that of one image coordinate, px^2,
+    and `freedom` its degrees of freedom.  `scatter` says whether `covariance` is the classical one.
     """
 
     model: TsaiModel | OpenCVModel
@@ -37,6 +40,32 @@ class Fit:
     variance: float
     freedom: int
     covariance: pd.DataFrame
+    classical_covariance: pd.DataFrame
+    scatter: Scatter
+
+    @property
+    def clustered(self) -> bool:
+        """Whether the stated covariance is that of the scatter between the views (`clustered`)."""
+        return self.scatter.shared is not None
+
+    @property
+    def own_variance(self) -> float:
+        """The variance of one coordinate, px^2, that would give the poses' own errors if it were independent."""
+        return self.variance * max(self.scatter.ratio, 1.0) if self.clustered else self.variance
+
+    @property
+    def sigma_freedom(self) -> int:
+        """Degrees of freedom of the stated sigmas."""
+        return len(self.views.used) - 1 if self.clustered else self.freedom
+
+    def stated(self) -> dict[str, Any]:
+        """The fields of a `Calibration` that say how well its parameters are known."""
+        return {
+            "covariance": self.covariance,
+            "classical_covariance": self.classical_covariance,
+            "freedom": self.sigma_freedom,
+            "n_parameters": len(self.covariance),
+        }
 
     @property
     def squares(self) -> float:
@@ -69,11 +98,19 @@ def fit_at(
 ) -> Fit:
     """The `Fit` of a state at a minimum; by default the variance is that of the residuals."""
     freedom = _demand_freedom(model, views)
-    equations = Equations.of(*evaluate(model, views, state), views.used)
+    residuals, jacobian = evaluate(model, views, state)
+    equations = Equations.of(residuals, jacobian, views.used)
     if variance is None:
         weights, variance = views.used, max(equations.cost / freedom, SMALLEST_RMS**2)
-    covariance = covariance_of(model, views, state, equations, variance)
-    return Fit(model, views, state, equations, weights, variance, freedom, covariance)
+    else:  # Huber's pseudo-residuals
+        residuals = residuals * weights[..., None]
+        residuals *= np.sqrt(variance * freedom / np.sum(residuals**2))
+    classical = covariance_of(model, views, state, equations, variance)
+    scatter = scatter_of_views(views, residuals, jacobian, equations, variance, freedom)
+    fit = Fit(model, views, state, equations, weights, variance, freedom, classical, classical, scatter)
+    if not fit.clustered:
+        return fit
+    return replace(fit, covariance=covariance_of(model, views, state, equations, fit.own_variance, scatter.shared))
 
 
 def _demand_freedom(model, views):

@@ -4,7 +4,7 @@ import numpy as np
 
 from ...checks import CalibrationError, Flag
 from ..planes import relief
-from ..result import judge_focal_length, judge_principal_point
+from ..result import LEAST_VIEWS, judge_focal_length, judge_principal_point
 from ..two_stage.tsai import SMALL_TILT, TILT_SIGNIFICANCE
 from .bundle import Equations, descend
 from .models import GivenFocalLength
@@ -38,8 +38,8 @@ def _judge(fit, object_points):
     """Flags of a fit; `CalibrationError` if f is not determined."""
     largest = _demand_tilt(fit, object_points)
     value, name, unit = fit.state.shared[0], fit.model.names[0], fit.model.unit
-    flags = judge_focal_length(fit.covariance, name, value, unit, fit.freedom)
-    flags += judge_principal_point(fit.covariance, fit.model.sensor.image_size, fit.freedom)
+    flags = judge_focal_length(fit.covariance, name, value, unit, fit.sigma_freedom)
+    flags += judge_principal_point(fit.covariance, fit.model.sensor.image_size, fit.sigma_freedom)
     if _is_suspect(fit, largest):
         share = _demand_signal(fit)
         _demand_ends(fit)
@@ -57,6 +57,33 @@ def _judge(fit, object_points):
         )
         flags += (Flag("little-tilt", text),)
     return flags
+
+
+def judge_independence(fit):
+    """A flag if the errors of a view's corners are not independent; it says which sigmas are stated."""
+    scatter = fit.scatter
+    if not scatter.dependent:
+        return ()
+    signs = [f"residuals of neighbouring corners have a correlation of {scatter.correlation:.2f}"]
+    if scatter.ratio > 1:
+        signs.append(f"the views differ by {np.sqrt(scatter.ratio):.2g} times as much as independent errors explain")
+    found = (
+        f"The errors of a view's corners are not independent of each other ({' and '.join(signs)}), as with a bent board, "
+        "blur, or a lens that differs from the model"
+    )
+    if not fit.clustered:
+        few = f"with {len(fit.views.used)} of the {LEAST_VIEWS} views that it takes to state them by the scatter between views"
+        return (
+            Flag("correlated-corners", f"{found}; {few}, the stated sigmas assume that they are, and are too small."),
+        )
+    name = fit.model.names[0]
+    factor = np.sqrt(fit.covariance.loc[name, name] / fit.classical_covariance.loc[name, name])
+    text = (
+        f"{found}. So the sigmas are stated by the scatter between the views: that of {name} is {factor:.2g} times the "
+        f"classical one, and intervals take Student's t of {fit.sigma_freedom} degrees of freedom. More views make them "
+        "smaller, more corners do not."
+    )
+    return (Flag("clustered-sigmas", text),)
 
 
 def _demand_tilt(fit, object_points):
@@ -109,7 +136,7 @@ def _noise_share(fit):
     is :math:`u^T S u` along :math:`u = S^{-1} e_1`, so the share is :math:`u^T \Delta S u / u^T S u`.
     """
     try:
-        root = np.linalg.cholesky(np.linalg.inv(fit.equations.c) * fit.variance)
+        root = np.linalg.cholesky(np.linalg.inv(fit.equations.c) * fit.own_variance)
     except np.linalg.LinAlgError:  # the points do not determine a pose numerically
         return np.inf
     information = fit.equations.eliminated()[0]
@@ -120,7 +147,7 @@ def _noise_share(fit):
             return np.inf
         added += (Equations.of(*evaluated, fit.views.used).eliminated()[0] - information) / 2
     k = len(information)
-    direction = fit.covariance.iloc[:k, 0].to_numpy()
+    direction = fit.classical_covariance.iloc[:k, 0].to_numpy()
     return float(direction @ added @ direction / (direction @ information @ direction))
 
 
@@ -133,7 +160,7 @@ def _demand_ends(fit):
     best = float(np.sum(fit.weights[:, :, None] * evaluate(fit.model, fit.views, fit.state)[0] ** 2))
     value, unit = fit.state.shared[0], fit.model.unit
     for other in np.multiply(OTHER_FACTORS, value):
-        rise = (_least_cost(fit, other) - best) / fit.variance
+        rise = (_least_cost(fit, other) - best) / fit.own_variance
         if rise < LEAST_RISE:
             raise CalibrationError(
                 f"f is not determined: {other:.4g} {unit} explains the points nearly as well as {value:.4g} {unit}, or "

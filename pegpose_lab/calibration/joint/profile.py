@@ -36,11 +36,13 @@ def profile_focal_length(
 
     For each f the sum of squares is minimised over all other parameters.  f belongs to the interval while
 
-    .. math:: SSE(f) \le SSE_{min} \left(1 + \frac{F_{level}(1, \nu)}{\nu}\right)
+    .. math:: SSE(f) \le SSE_{min} + r\, s^2 F_{level}(1, \nu)
 
-    with :math:`\nu` degrees of freedom.  Unlike +-1.96 sigma it need not be symmetric, and it is correct also if f
-    trades off with T_z along a curve.  Like the sigmas it is valid if the lens follows the model and the noise is
-    independent and equal at all points; the flags of `calibrate_joint` tell if the residuals contradict that.
+    with the variance s^2 of a coordinate, r = 1 and the degrees of freedom :math:`\nu` of s^2.  If the errors of a
+    view's points are not independent (`clustered`), r is the stated variance of f over the classical one, and
+    :math:`\nu` that of the stated sigmas (L. Pace, A. Salvan and N. Sartori, Statistica Sinica 21, 129-148, 2011).
+    Unlike +-1.96 sigma the interval need not be symmetric, and it is correct also if f trades off with T_z along a
+    curve.  Like the sigmas it is valid if the lens follows the model.
 
     Parameters
     ----------
@@ -83,7 +85,8 @@ def profile_focal_length(
     fit = fit_views(lens_model(sensor, principal_point == "free", False, None), object_points, image_points)
     _demand_tilt(fit, object_points)
     _demand_signal(fit)
-    limit = fit.equations.cost * (1 + fdtri(1, fit.freedom, level) / fit.freedom)
+    wider = fit.covariance.iloc[0, 0] / fit.classical_covariance.iloc[0, 0]
+    limit = fit.equations.cost + wider * fit.variance * fdtri(1, fit.sigma_freedom, level)
     best, ends = fit.state.shared[0], []
     for direction in (-1, 1):
         state, inside, factor = fit.state, best, np.exp(direction * PROFILE_STEP)
@@ -120,8 +123,9 @@ def _crossing(fit, state, outside, limit):
     return float(np.sqrt(state.shared[0] * outside))
 
 
+@undetermined_if_singular()
 def weakest_direction(calibration: Calibration) -> tuple[float, str]:
-    """The combination of the camera's parameters and T_z about which the views have the least information.
+    """The combination of the camera's parameters and T_z that the views determine least, by the stated covariance.
 
     Parameters
     ----------
@@ -140,6 +144,8 @@ def weakest_direction(calibration: Calibration) -> tuple[float, str]:
     ------
     ValueError
         If the calibration has no covariance.
+    CalibrationError
+        If its covariance is singular.
 
     Examples
     --------
