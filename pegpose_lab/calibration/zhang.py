@@ -95,12 +95,13 @@ def calibrate_zhang(
     if len(object_points) < 2:
         raise CalibrationError("one view of a plane gives two constraints on f_x, f_y, c_x, c_y; add tilted views")
     demand_views(object_points, image_points, size)
+    fit = None
     try:
         found, poses = _opencv_calibration(object_points, image_points, size, model.coefficient_names)
         fit = _fit_of(model, found, poses, object_points, image_points)
         flags = judge_focal_length(fit.covariance, "f_x", found.camera_matrix[0, 0], "px", fit.freedom)
     except (CalibrationError, np.linalg.LinAlgError) as error:
-        raise refused(error, model, object_points, image_points) from error
+        raise refused(error, model, object_points, image_points, fit) from error
     flags += judge_image_size(found, image_points) + judge_misfit(fit, object_points, image_points)
     residuals = [
         found.project(points, pose) - measured

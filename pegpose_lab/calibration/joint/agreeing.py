@@ -29,8 +29,14 @@ SUBSET, SUBSETS = 3, 30
 """Number of views in a subset, and of subsets that are tried.  If a third of nine views is wrong, a quarter of the subsets
 is free of them, and the chance that none of 30 is free is 0.03 %."""
 
+HOPELESS = 8
+"""The search ends if none of so many subsets gives a camera, as with boards that are not tilted."""
+
 AGREES = 9.0
-"""A view agrees with a camera if its residuals' variance is below this many times that of the camera's own views."""
+"""A view agrees with a camera if its residuals' variance is below this many times that of the better half of the views."""
+
+CLEAN = 2.0
+"""The search ends at a subset with whose camera half of the views have a variance below this many times their own noise."""
 
 ROUNDS = 5
 """Rounds of fitting the views that agree and looking for them again."""
@@ -51,21 +57,24 @@ def agreeing_views(
         return None
     views, planes = Views.stack(object_points, image_points), plane_rotations(object_points)
     noise = float(np.median(own_noise(object_points, image_points)))
-    best = ()
-    for subset in _subsets(number):
-        agree = _agreeing(_fit(model, subset, object_points, image_points, "linear"), views, planes, noise)
-        best = max(best, agree, key=len)
-        if len(best) == number:
+    least, best = np.inf, None
+    for count, subset in enumerate(_subsets(number)):
+        if count == HOPELESS and not best:
+            return None
+        fit = _fit(model, subset, object_points, image_points, "linear")
+        middle, agree = _agreeing(fit, views, planes, noise)
+        if middle < least:
+            least, best = middle, agree
+        if least <= CLEAN * noise**2:
             break
-    fit = None
     for _ in range(ROUNDS):
-        if 2 * len(best) <= number:
+        if not best:
             return None
         fit = _fit(model, best, object_points, image_points, loss)
-        before, best = best, _agreeing(fit, views, planes, noise)
+        before, best = best, _agreeing(fit, views, planes, noise)[1]
         if best == before:
             break
-    if fit is None or 2 * len(best) <= number or len(best) == number or best != before:
+    if best != before or not number / 2 < len(best) < number:
         return None
     return [view for view in range(number) if view not in best], fit
 
@@ -87,12 +96,13 @@ def _fit(model, subset, object_points, image_points, loss):
 
 
 def _agreeing(fit, views, planes, noise):
-    """The views that agree with the camera of a fit."""
+    """The variance below which more than half of the views are with the camera of a fit, and the views that agree."""
     if fit is None:
-        return ()
+        return np.inf, ()
     variances = held_variances(fit, views, planes)
-    limit = AGREES * max(fit.variance, noise**2)
-    return tuple(np.flatnonzero(variances < limit).tolist())
+    middle = np.sort(variances)[len(variances) // 2]
+    agree = np.flatnonzero(variances < AGREES * max(middle, noise**2))
+    return middle, tuple(agree.tolist())
 
 
 def held_variances(fit: Fit, views: Views, planes: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -99,11 +99,12 @@ def calibrate_joint(
     as_choice(loss, "loss", ("linear", "huber", "cauchy"))
     model = lens_model(sensor, principal_point == "free", focal == "two", coefficients)
     demand_views(object_points, image_points, sensor.image_size)
+    fit = None
     try:
         fit = fit_views(model, object_points, image_points, loss)
         flags = _judge(fit, object_points)
     except (CalibrationError, np.linalg.LinAlgError) as error:
-        raise refused(error, model, object_points, image_points, loss) from error
+        raise refused(error, model, object_points, image_points, fit, loss) from error
     found, poses = model.camera(fit.state.shared), fit.state.poses(fit.views)
     flags += judge_image_size(found, image_points) + judge_misfit(fit, object_points, image_points, loss)
     residuals = [

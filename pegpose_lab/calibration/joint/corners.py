@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...checks import CalibrationError, Flag
-from .bundle import SMALLEST_RMS, minimise_robust
+from ..planes import is_planar
+from .bundle import SMALLEST_RMS
 from .fitting import fit_views
+from .models import COEFFICIENTS, lens_model
+from .noise import LEAST_POINTS, smooth_residuals
 from .richer import compared, plain
-from .views import State, evaluate
+from .views import evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,11 +26,12 @@ WRONG = 10.0
 """A corner is wrong from this many standard deviations per axis on.  Corners that are measured well are within 5 on real
 photographs, and within 8 at the rim of a lens that the model does not follow."""
 
+ALONE = 0.5
+"""A wrong corner is off from where a smooth image of the other corners of its view puts it by at least this share of its
+distance.  Smooth images of all of a view's corners, and of all but one, differ by less than noise at most corners."""
+
 FEW = 1 / 6
 """A view with more wrong corners than this share of its points does not fit as a whole (see `outlying`)."""
-
-ROUNDS = 4
-"""Rounds of leaving corners out and fitting the rest; the second one mostly finds the same corners."""
 
 
 def wrong_corners(
@@ -42,18 +46,14 @@ def wrong_corners(
     if distances.max() <= WRONG * _sigma(distances[used]):
         return {}, fit
     try:
-        state = minimise_robust(fit.model, fit.views, fit.state, "cauchy")[0]
-        distances = _distances(fit.model, fit.views, state)
-        wrong, rest = _few(distances > WRONG * _sigma(distances[used]), used), fit
-        for _ in range(ROUNDS):
-            if not wrong.any():
-                return {}, fit
-            kept = [~row[:count] for row, count in zip(wrong, map(len, object_points), strict=True)]
-            rest = fit_views(fit.model, *without_corners(kept, object_points, image_points), loss)
-            distances = _distances(fit.model, fit.views, _about_all_points(rest, fit.views))
-            before, wrong = wrong, _few(distances > WRONG * np.sqrt(rest.variance), used)
-            if np.array_equal(before, wrong):
-                break
+        robust = _robust(fit, object_points, image_points)
+        distances = _distances(robust.model, robust.views, robust.state)
+        wrong = _few(distances > WRONG * _sigma(distances[used]), used)
+        wrong &= _alone(wrong, distances, object_points, image_points)
+        if not wrong.any():
+            return {}, fit
+        kept = [~row[: len(points)] for row, points in zip(wrong, object_points, strict=True)]
+        rest = fit_views(fit.model, *without_corners(kept, object_points, image_points), loss)
     except (CalibrationError, np.linalg.LinAlgError):  # too little remains, or the robust fit does not settle
         return {}, fit
     found = {int(view): {} for view in np.flatnonzero(wrong.any(axis=1))}
@@ -94,6 +94,16 @@ def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit) -> Fl
     return Flag("misfit-corner", text)
 
 
+def _robust(fit, object_points, image_points):
+    """A robust fit of the richest model, so that a lens beyond the fitted model makes no corner look wrong; of the
+    fitted model if the views do not determine the richest."""
+    richest = lens_model(fit.model.sensor, True, True, COEFFICIENTS)
+    try:
+        return fit_views(richest, object_points, image_points, "cauchy")
+    except (CalibrationError, np.linalg.LinAlgError):
+        return fit_views(fit.model, object_points, image_points, "cauchy")
+
+
 def _distances(model, views, state):
     """Distances (V, m) of the image points from the model's, px; 0 where there is no point."""
     evaluated = evaluate(model, views, state)
@@ -112,7 +122,16 @@ def _few(wrong, used):
     return wrong & (wrong.sum(axis=1) <= FEW * used.sum(axis=1))[:, None]
 
 
-def _about_all_points(rest, views):
-    """The state of a fit without some points, with the positions of the centroids of all points."""
-    moved = np.einsum("vij,vj->vi", rest.state.rotations, views.centroids - rest.views.centroids)
-    return State(rest.state.shared, rest.state.rotations, rest.state.positions + moved)
+def _alone(wrong, distances, object_points, image_points):
+    """Which wrong corners (V, m) are also far from where the other corners of their view put them, whatever the camera.
+
+    Where the camera is wrong, a view's corners are off together.
+    """
+    alone = wrong.copy()
+    for view in np.flatnonzero(wrong.any(axis=1)):
+        points, measured = object_points[view], image_points[view]
+        kept = ~wrong[view, : len(points)]
+        if is_planar(points) and kept.sum() >= LEAST_POINTS:
+            off = np.linalg.norm(smooth_residuals(points, measured, kept), axis=1)
+            alone[view, : len(points)] &= off > ALONE * distances[view, : len(points)]
+    return alone

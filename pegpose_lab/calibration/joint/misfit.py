@@ -8,18 +8,20 @@ the smaller variance.  Two more flags need no residuals: copies of a view, and p
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...checks import CalibrationError, Flag
+from ..result import judge_image_size
 from .agreeing import agreeing_views
 from .bundle import SMALLEST_RMS
 from .copies import copied_views, copies_sentence, judge_sides
 from .corners import judge_corners, without_wrong, wrong_corners
 from .fitting import fit_views
 from .outlying import majority, outlying_views, view_sentence, without
-from .richer import better_model, model_sentence
+from .richer import better_model, compared, model_sentence
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,6 +30,10 @@ if TYPE_CHECKING:
 
     from .fitting import Fit
     from .models import OpenCVModel, TsaiModel
+
+
+LEAST_DISTINCT = 3
+"""With fewer distinct views than this beside copies, the lens is not judged: they hardly determine it."""
 
 
 def judge_misfit(
@@ -63,13 +69,28 @@ def _judge_views_and_lens(fit, object_points, image_points, loss, repeated):
         better = _better_model(rest, without(outlying, *views), loss, [])
         flags = (Flag("misfit-view", view_sentence(fit, outlying, rest, *views)),)
         return flags + ((Flag("misfit-lens", f"Without them: {model_sentence(rest, better)}"),) if better else ())
-    return (Flag("misfit-lens", model_sentence(fit, better)),) if better else ()
+    if not better:
+        return ()
+    flags = ()
+    if not fit.model.free_center and better.words.endswith("principal point"):
+        center = compared(fit, fit.model)[1:] + better.moved[1:]
+        better = replace(better, words=f"{better.words}, ({center[0]:.0f}, {center[1]:.0f}) px,")
+        flags = _swapped_size(fit.model.sensor, center, image_points)
+    return (Flag("misfit-lens", model_sentence(fit, better)), *flags)
+
+
+def _swapped_size(sensor, center, image_points):
+    """A flag if only the principal point that fits tells that width and height are swapped."""
+    freed = replace(sensor, principal_point=tuple(center))
+    return () if judge_image_size(sensor, image_points) else judge_image_size(freed, image_points)
 
 
 def _better_model(fit, views, loss, repeated):
     """As `richer.better_model`, by one of each group of copies."""
     if repeated:
         views = without(repeated, *views)
+        if len(views[0]) < LEAST_DISTINCT:
+            return None
         try:
             fit = fit_views(fit.model, *views, loss)
         except (CalibrationError, np.linalg.LinAlgError):
@@ -82,18 +103,20 @@ def refused(
     model: TsaiModel | OpenCVModel,
     object_points: Sequence[NDArray[np.float64]],
     image_points: Sequence[NDArray[np.float64]],
+    fit: Fit | None,
     loss: str = "linear",
 ) -> CalibrationError:
     """The error of a calibration, led by the copies among the views, or by the views that do not agree with the others.
 
-    There need not be a fit of all views.
+    `fit` is that of all views, or None if there is none.
     """
     groups = copied_views(object_points, image_points)
-    found = None if groups else agreeing_views(model, object_points, image_points, loss)
     if groups:
-        doubt = copies_sentence(groups, len(object_points))
-    elif found:
-        doubt = view_sentence(None, *found, object_points, image_points)
+        return CalibrationError(f"{copies_sentence(groups, len(object_points))} With all views: {error}")
+    if fit is None:
+        found = agreeing_views(model, object_points, image_points, loss)
     else:
+        found = majority(fit, object_points, image_points, loss, fit.variance)
+    if not found:
         return CalibrationError(str(error))
-    return CalibrationError(f"{doubt} With all views: {error}")
+    return CalibrationError(f"{view_sentence(fit, *found, object_points, image_points)} With all views: {error}")

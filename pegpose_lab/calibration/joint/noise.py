@@ -26,17 +26,24 @@ def own_noise(
     The cubic follows the distortion of an ordinary lens, so a view of any camera has about its corners' noise.  0 for
     views of fewer than `LEAST_POINTS` points.
     """
-    views, planes = Views.stack(object_points, image_points), plane_rotations(object_points)
-    matrices = linear_homographies(views, planes, views.image)[0]
     sigmas = np.zeros(len(object_points))
-    for view, (points, measured) in enumerate(zip(object_points, image_points, strict=True)):
-        if len(points) < LEAST_POINTS:
-            continue
-        x, y = ((points - views.centroids[view]) @ planes[view].T)[:, :2].T
-        seen = np.column_stack([x, y, np.ones(len(x))]) @ matrices[view].T
-        left = measured - seen[:, :2] / seen[:, 2:]
-        x, y = x / np.abs(x).max(), y / np.abs(y).max()
-        design = np.column_stack([x**i * y**j for i in range(4) for j in range(4 - i)])
-        left = left - design @ np.linalg.lstsq(design, left, rcond=None)[0]
-        sigmas[view] = np.sqrt(np.sum(left**2) / (2 * len(points) - 20))
+    for view, pair in enumerate(zip(object_points, image_points, strict=True)):
+        if len(pair[0]) >= LEAST_POINTS:
+            left = smooth_residuals(*pair)
+            sigmas[view] = np.sqrt(np.sum(left**2) / (2 * len(left) - 20))
     return sigmas
+
+
+def smooth_residuals(
+    object_points: NDArray[np.float64], image_points: NDArray[np.float64], kept: NDArray[np.bool_] | None = None
+) -> NDArray[np.float64]:
+    """Residuals (n, 2), px, of a plane's points about a homography and a cubic that are fitted to the points `kept`."""
+    kept = np.ones(len(object_points), bool) if kept is None else kept
+    views, planes = Views.stack([object_points[kept]], [image_points[kept]]), plane_rotations([object_points])
+    matrix = linear_homographies(views, planes, views.image)[0][0]
+    x, y = ((object_points - views.centroids[0]) @ planes[0].T)[:, :2].T
+    seen = np.column_stack([x, y, np.ones(len(x))]) @ matrix.T
+    left = image_points - seen[:, :2] / seen[:, 2:]
+    x, y = x / np.abs(x).max(), y / np.abs(y).max()
+    design = np.column_stack([x**i * y**j for i in range(4) for j in range(4 - i)])
+    return left - design @ np.linalg.lstsq(design[kept], left[kept], rcond=None)[0]

@@ -116,7 +116,7 @@ def view_sentence(
     does, it = ("does", "it") if len(views) == 1 else ("do", "them")
     return (
         f"{which} {does} not fit the others: an rms of {plain(np.max(rms), 2)} px, where these alone have "
-        f"{plain(np.sqrt(2 * rest.variance), 2)} px, and without {it} {moved}. {_reasons(views, rest, *chosen)}, or leave "
+        f"{plain(np.sqrt(2 * rest.variance), 2)} px, and without {it} {moved}. {_reasons(views, rest, *chosen)}; or leave "
         f"{it} out."
     )
 

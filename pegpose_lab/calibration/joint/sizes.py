@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 FITS = 4.0
 """A view fits a changed camera if its variance is below this many times that of the other views."""
 
+NOISY = 9.0
+"""A view is noisy by itself if its own variance is more than this many times that of the other views."""
+
 SCALES = (1 / 4, 1 / 3, 1 / 2, 2 / 3, 3 / 4, 1.0, 4 / 3, 3 / 2, 2.0, 3.0, 4.0)
 """Scales of a picture from which the searches start; pictures are halved and doubled, mostly."""
 
@@ -68,19 +71,22 @@ def fits_as(rest: Fit, object_points: NDArray[np.float64], image_points: NDArray
         model = Resized(rest, free)
         found = _best(model, views, plane_rotations([object_points]))
         freedom = 2 * len(object_points) - 6 - sum(free)
-        if found is None or freedom <= 0 or found[1] > FITS * rest.variance * freedom:
+        if found is None or freedom <= 0:
             continue
         scale, *shift = model.values(found[0].shared)
+        if found[1] > FITS * rest.variance * freedom * max(scale, 1.0) ** 2:  # noise is scaled with the picture
+            continue
+        scale = min((*SCALES, scale), key=lambda usual: (abs(usual / scale - 1) > SAME_SIZE / 2, usual == scale))
         parts = []
         if abs(scale - 1) > SAME_SIZE:
-            parts.append(f"scaled by {plain(1 / scale, 3)} (its picture is {plain(scale, 3)} times as large)")
+            parts.append(f"scaled by {plain(1 / scale, 3)} (a picture of {plain(scale, 3)} times the size)")
         if np.hypot(*shift) > 1:
             parts.append(
                 f"shifted by {plain(-shift[0], 3, True)} and {plain(-shift[1], 3, True)} px (a cropped picture)"
             )
-        return f"if its pixels are {' and '.join(parts)}" if parts else ""
-    if noise > np.sqrt(FITS * rest.variance):
-        return f"only within {plain(noise, 2)} px, the noise of its own corners: blurred, moved, or badly found"
+        return f"with pixels {' and '.join(parts)}" if parts else ""
+    if noise > np.sqrt(NOISY * rest.variance):
+        return f"only to {plain(noise, 2)} px, the noise of their own corners: blurred, moved, or badly found"
     return ""
 
 
