@@ -245,15 +245,24 @@ def judge_image_size(
         return ()
     width, height = camera.image_size
     views = [str(view) for view, points in enumerate(image_points) if outside(points, camera.image_size).any()]
-    if views:
+    center = np.asarray(camera.principal_point)
+    middle, swapped = (np.subtract(size, 1) / 2 for size in (camera.image_size, camera.image_size[::-1]))
+    turned = any(outside(points, (height, width)).any() for points in image_points)  # no image of swapped size has them
+    nearer = 0 < np.linalg.norm(center - middle) < np.linalg.norm(center - swapped)  # 0 if it is held there
+    if views and (turned or nearer or width == height):
         text = (
             f"Points of view{'s' * (len(views) > 1)} {', '.join(views)} (counted from 0) lie outside the image of "
             f"{width} x {height} px: is image_size (width, height) correct?"
         )
         return (Flag("points-outside", text),)
-    center = camera.principal_point
-    middle, swapped = (np.subtract(size, 1) / 2 for size in (camera.image_size, camera.image_size[::-1]))
-    if np.linalg.norm(np.subtract(center, swapped)) >= SWAPPED * np.linalg.norm(swapped - middle):
+    if views:
+        text = (
+            f"Points of view{'s' * (len(views) > 1)} {', '.join(views)} (counted from 0) lie outside the image of "
+            f"{width} x {height} px, and all points inside one of {height} x {width} px: is image_size (width, height) "
+            "swapped?"
+        )
+        return (Flag("size-swapped", text),)
+    if turned or np.linalg.norm(center - swapped) >= SWAPPED * np.linalg.norm(swapped - middle):
         return ()
     text = (
         f"The principal point ({center[0]:.0f}, {center[1]:.0f}) px is that of an image of {height} x {width} px: "

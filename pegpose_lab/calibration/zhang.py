@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -13,7 +14,7 @@ from ..camera import OpenCVCamera, Sensor, TsaiCamera
 from ..checks import CalibrationError, as_views, undetermined_if_singular
 from .joint.fitting import fit_at
 from .joint.judge import judge_independence
-from .joint.misfit import judge_misfit
+from .joint.misfit import judge_misfit, refused
 from .joint.models import COEFFICIENTS, lens_model
 from .joint.starts import demand_views
 from .joint.views import State, Views, evaluate
@@ -84,6 +85,7 @@ def calibrate_zhang(
     """
     object_points, image_points = as_views(object_points, image_points, MINIMUM_POINTS)
     plain = Sensor((1.0, 1.0), (0.0, 0.0), getattr(camera, "image_size", camera))
+    plain = replace(plain, principal_point=tuple((np.array(plain.image_size) - 1) / 2))  # for a start only
     size, model = plain.image_size, lens_model(plain, True, True, _as_coefficients(coefficients))
     for view, points in enumerate(object_points):
         if not is_planar(points):
@@ -94,9 +96,13 @@ def calibrate_zhang(
     if len(object_points) < 2:
         raise CalibrationError("one view of a plane gives two constraints on f_x, f_y, c_x, c_y; add tilted views")
     demand_views(object_points, image_points, size)
-    found, poses = _opencv_calibration(object_points, image_points, size, model.coefficient_names)
-    fit = _fit_of(model, found, poses, object_points, image_points)
-    flags = judge_focal_length(fit.covariance, "f_x", found.camera_matrix[0, 0], "px", fit.sigma_freedom)
+    fit = None
+    try:
+        found, poses = _opencv_calibration(object_points, image_points, size, model.coefficient_names)
+        fit = _fit_of(model, found, poses, object_points, image_points)
+        flags = judge_focal_length(fit.covariance, "f_x", found.camera_matrix[0, 0], "px", fit.sigma_freedom)
+    except (CalibrationError, np.linalg.LinAlgError) as error:
+        raise refused(error, model, object_points, image_points, fit) from error
     flags += judge_independence(fit) + judge_image_size(found, image_points)
     flags += judge_misfit(fit, object_points, image_points)
     residuals = [

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ...camera import Sensor, TsaiCamera, as_sensor
@@ -15,7 +16,7 @@ from ...checks import CalibrationError, as_choice, as_views, undetermined_if_sin
 from ..result import MINIMUM_POINTS, Calibration, judge_image_size
 from .fitting import fit_views
 from .judge import _judge, judge_independence
-from .misfit import judge_misfit, views_in_doubt
+from .misfit import judge_misfit, refused
 from .models import lens_model
 from .starts import demand_views
 
@@ -98,12 +99,12 @@ def calibrate_joint(
     as_choice(loss, "loss", ("linear", "huber", "cauchy"))
     model = lens_model(sensor, principal_point == "free", focal == "two", coefficients)
     demand_views(object_points, image_points, sensor.image_size)
-    fit = fit_views(model, object_points, image_points, loss)
+    fit = None
     try:
+        fit = fit_views(model, object_points, image_points, loss)
         flags = _judge(fit, object_points)
-    except CalibrationError as error:
-        doubt = views_in_doubt(fit, object_points, image_points, loss)
-        raise CalibrationError(f"{doubt} With all views: {error}" if doubt else str(error)) from error
+    except (CalibrationError, np.linalg.LinAlgError) as error:
+        raise refused(error, model, object_points, image_points, fit, loss) from error
     found, poses = model.camera(fit.state.shared), fit.state.poses(fit.views)
     flags += judge_independence(fit) + judge_image_size(found, image_points)
     flags += judge_misfit(fit, object_points, image_points, loss)

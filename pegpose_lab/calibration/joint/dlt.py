@@ -9,7 +9,8 @@ from ...camera import Sensor, TsaiCamera, as_sensor
 from ...checks import CalibrationError, as_views, undetermined_if_singular
 from ..planes import is_planar, relief
 from ..result import MINIMUM_POINTS, Calibration
-from .starts import demand_views, focal_length_of, homographies_of, plane_rotations, poses_of
+from .homographies import focal_length_of, homographies_of, plane_rotations, poses_of
+from .starts import demand_views
 from .views import State, Views
 
 

@@ -1,26 +1,39 @@
-"""Goodness of fit: whether the residuals of a bundle adjustment contradict its lens model or some of its views.
+"""Goodness of fit: whether the residuals of a bundle adjustment contradict its lens model, some views or some corners.
 
 Stated sigmas are valid if the lens follows the model and the noise is independent and equal at all points.
-Two tests check the lens model (`richer`) and the views (`outlying`).  They do not detect correlated noise or a bent
-board.  If both find something, the flag names the explanation that leaves the smaller variance.
+Three tests check single corners (`corners`), the lens model (`richer`) and the views (`outlying`).  They do not detect
+correlated noise or a bent board.  If both of the last two find something, the flag names the explanation that leaves
+the smaller variance.  Two more flags need no residuals: copies of a view, and planes seen from behind (`copies`).
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ...checks import Flag
+import numpy as np
+
+from ...checks import CalibrationError, Flag
+from ..result import judge_image_size
+from .agreeing import agreeing_views
 from .bundle import SMALLEST_RMS
-from .outlying import outlying_views, view_sentence, without
-from .richer import better_model, model_sentence
+from .copies import copied_views, copies_sentence, judge_sides
+from .corners import judge_corners, without_wrong, wrong_corners
+from .fitting import fit_views
+from .outlying import majority, outlying_views, view_sentence, without
+from .richer import better_model, compared, model_sentence
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from .fitting import Fit
+    from .models import OpenCVModel, TsaiModel
+
+
+LEAST_DISTINCT = 3
+"""With fewer distinct views than this beside copies, the lens is not judged: they hardly determine it."""
 
 
 def judge_misfit(
@@ -30,23 +43,80 @@ def judge_misfit(
     loss: str = "linear",
 ) -> tuple[Flag, ...]:
     """Flags of a fit; the points and the loss must be those that were fitted."""
+    flags, number = judge_sides(object_points, fit.state), len(object_points)
+    copies = copied_views(object_points, image_points, np.sqrt(fit.variance))
+    if copies:
+        flags += (Flag("copied-views", copies_sentence(copies, number)),)
     if fit.variance <= SMALLEST_RMS**2:  # without noise there is no scale to judge by
-        return ()
-    better = better_model(fit, object_points, image_points, loss)
-    outlying, rest = outlying_views(fit, object_points, image_points, loss)
+        return flags
+    wrong, rest = wrong_corners(fit, object_points, image_points, loss)
+    if wrong:
+        flags += (judge_corners(fit, wrong, rest),)
+        fit, (object_points, image_points) = rest, without_wrong(wrong, object_points, image_points)
+    repeated = [view for group in copies for view in group[1:]]
+    return flags + _judge_views_and_lens(fit, object_points, image_points, loss, repeated)
+
+
+def _judge_views_and_lens(fit, object_points, image_points, loss, repeated):
+    """Flags about views and lens; `repeated` are copies of other views, whose noise is not independent."""
+    views = object_points, image_points
+    better = _better_model(fit, views, loss, repeated)
+    outlying, rest = outlying_views(fit, *views, loss)
+    explained = better if better and not (outlying and rest.variance <= better.variance) else rest
+    if better or outlying:
+        outlying, rest = majority(fit, *views, loss, explained.variance) or (outlying, rest)
     if outlying and not (better and better.variance < rest.variance):
-        better = better_model(rest, *without(outlying, object_points, image_points), loss)
-        flags = (Flag("misfit-view", view_sentence(fit, outlying, rest)),)
+        better = _better_model(rest, without(outlying, *views), loss, [])
+        flags = (Flag("misfit-view", view_sentence(fit, outlying, rest, *views)),)
         return flags + ((Flag("misfit-lens", f"Without them: {model_sentence(rest, better)}"),) if better else ())
-    return (Flag("misfit-lens", model_sentence(fit, better)),) if better else ()
+    if not better:
+        return ()
+    flags = ()
+    if not fit.model.free_center and better.words.endswith("principal point"):
+        center = compared(fit, fit.model)[1:] + better.moved[1:]
+        better = replace(better, words=f"{better.words}, ({center[0]:.0f}, {center[1]:.0f}) px,")
+        flags = _swapped_size(fit.model.sensor, center, image_points)
+    return (Flag("misfit-lens", model_sentence(fit, better)), *flags)
 
 
-def views_in_doubt(
-    fit: Fit,
+def _swapped_size(sensor, center, image_points):
+    """A flag if only the principal point that fits tells that width and height are swapped."""
+    freed = replace(sensor, principal_point=tuple(center))
+    return () if judge_image_size(sensor, image_points) else judge_image_size(freed, image_points)
+
+
+def _better_model(fit, views, loss, repeated):
+    """As `richer.better_model`, by one of each group of copies."""
+    if repeated:
+        views = without(repeated, *views)
+        if len(views[0]) < LEAST_DISTINCT:
+            return None
+        try:
+            fit = fit_views(fit.model, *views, loss)
+        except (CalibrationError, np.linalg.LinAlgError):
+            return None
+    return better_model(fit, *views, loss)
+
+
+def refused(
+    error: Exception,
+    model: TsaiModel | OpenCVModel,
     object_points: Sequence[NDArray[np.float64]],
     image_points: Sequence[NDArray[np.float64]],
+    fit: Fit | None,
     loss: str = "linear",
-) -> str:
-    """A sentence about the views that do not fit the others, or ""; arguments as for `judge_misfit`."""
-    outlying, rest = outlying_views(fit, object_points, image_points, loss)
-    return view_sentence(fit, outlying, rest) if outlying else ""
+) -> CalibrationError:
+    """The error of a calibration, led by the copies among the views, or by the views that do not agree with the others.
+
+    `fit` is that of all views, or None if there is none.
+    """
+    groups = copied_views(object_points, image_points)
+    if groups:
+        return CalibrationError(f"{copies_sentence(groups, len(object_points))} With all views: {error}")
+    if fit is None:
+        found = agreeing_views(model, object_points, image_points, loss)
+    else:
+        found = majority(fit, object_points, image_points, loss, fit.variance)
+    if not found:
+        return CalibrationError(str(error))
+    return CalibrationError(f"{view_sentence(fit, *found, object_points, image_points)} With all views: {error}")

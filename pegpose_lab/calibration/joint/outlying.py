@@ -12,10 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...checks import CalibrationError
+from ..planes import is_planar
+from .agreeing import agreeing_views, held_variances
 from .bundle import SMALLEST_RMS
 from .fitting import fit_views
+from .homographies import plane_rotations
+from .noise import own_noise
 from .richer import LEVEL, compared, f_tail, plain
-from .views import evaluate
+from .sizes import fits_as
+from .views import Views, evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,6 +59,23 @@ def outlying_views(
     return sorted(out), rest
 
 
+def majority(
+    fit: Fit,
+    object_points: Sequence[NDArray[np.float64]],
+    image_points: Sequence[NDArray[np.float64]],
+    loss: str,
+    explained: float,
+) -> tuple[list[int], Fit] | None:
+    """As `outlying_views`, but from subsets: for sets with so many wrong views that they spoil the fit of all.
+
+    None if `explained`, the variance that the best explanation so far leaves, is near the views' own noise.
+    """
+    noise = np.median(own_noise(object_points, image_points)) if all(map(is_planar, object_points)) else 0.0
+    if noise == 0 or explained < SUSPECT * noise**2:
+        return None
+    return agreeing_views(fit.model, object_points, image_points, loss)
+
+
 def _by_the_median(fit):
     """Variance of each view's residuals, relative to that of the median view."""
     residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.weights[..., None]
@@ -70,19 +92,51 @@ def _stands_out(with_it, rest, number):
     return ratio > STANDS_OUT and f_tail(ratio, freedom, rest.freedom) < LEVEL / number
 
 
-def view_sentence(fit: Fit, views: Sequence[int], rest: Fit) -> str:
-    """A sentence that names the views that do not fit, and the result without them."""
-    residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.views.used[..., None]
-    rms = np.sqrt(np.sum(residuals**2, axis=(1, 2)) / fit.views.used.sum(axis=1))
+def view_sentence(
+    fit: Fit | None,
+    views: Sequence[int],
+    rest: Fit,
+    object_points: Sequence[NDArray[np.float64]],
+    image_points: Sequence[NDArray[np.float64]],
+) -> str:
+    """A sentence that names the views that do not fit, why, and the result without them.
+
+    `fit` is that of all views, or None if there is none.
+    """
+    chosen = [[points[view] for view in views] for points in (object_points, image_points)]
+    if fit is None:
+        rms = np.sqrt(2 * held_variances(rest, Views.stack(*chosen), plane_rotations(chosen[0])))
+        moved = f"f is {plain(rest.state.shared[0], 5)} {rest.model.unit}"
+    else:
+        residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.views.used[..., None]
+        rms = np.sqrt(np.sum(residuals**2, axis=(1, 2)) / fit.views.used.sum(axis=1))[views]
+        change = compared(rest, fit.model)[0] - compared(fit, fit.model)[0]
+        moved = f"f moves by {plain(change, 2, True)} {fit.model.unit}"
     which = f"View{'s' * (len(views) > 1)} {', '.join(map(str, views))} (counted from 0)"
-    here, alone = np.max(rms[views]), np.sqrt(2 * rest.variance)
-    moved = plain(compared(rest, fit.model)[0] - compared(fit, fit.model)[0], 2, True)
     does, it = ("does", "it") if len(views) == 1 else ("do", "them")
     return (
-        f"{which} {does} not fit the others: an rms of {plain(here, 2)} px, where these alone have "
-        f"{plain(alone, 2)} px, and without {it} f moves by {moved} {fit.model.unit}. Check the order of the points, "
-        f"wrong corners, and that all images are of one camera, size and focus; or leave {it} out."
+        f"{which} {does} not fit the others: an rms of {plain(np.max(rms), 2)} px, where these alone have "
+        f"{plain(np.sqrt(2 * rest.variance), 2)} px, and without {it} {moved}. {_reasons(views, rest, *chosen)}; or leave "
+        f"{it} out."
     )
+
+
+def _reasons(views, rest, object_points, image_points):
+    """What makes the views fit, in words."""
+    noises = own_noise(object_points, image_points)
+    found = {}
+    for view, *pair, noise in zip(views, object_points, image_points, noises, strict=True):
+        found.setdefault(fits_as(rest, *pair, noise), []).append(view)
+    parts = [
+        f"View{'s' * (len(group) > 1)} {', '.join(map(str, group))} would fit {words}"
+        for words, group in found.items()
+        if words
+    ]
+    if "" in found:
+        parts.append(
+            "Check the order of the points, wrong corners, and that all images are of one camera, size and focus"
+        )
+    return "; ".join(parts)
 
 
 def without(views: Sequence[int], *lists: Sequence[Any]) -> list[list[Any]]:
