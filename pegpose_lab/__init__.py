@@ -79,6 +79,7 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .calibration import optimum_in_box as optimum_in_box
     from .calibration import profile_focal_length as profile_focal_length
     from .calibration import weakest_direction as weakest_direction
+    from .camera import FisheyeCamera as FisheyeCamera
     from .camera import OpenCVCamera as OpenCVCamera
     from .camera import Sensor as Sensor
     from .camera import TsaiCamera as TsaiCamera
@@ -113,6 +114,7 @@ _HOME = {
     "Sensor": "camera",
     "TsaiCamera": "camera",
     "OpenCVCamera": "camera",
+    "FisheyeCamera": "camera",
     "Checkerboard": "targets",
     "Hub": "targets",
     "RingMark": "patterns",
