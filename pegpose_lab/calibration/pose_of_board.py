@@ -15,7 +15,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from ..camera import CAMERA_MODELS, TsaiCamera
 from ..checks import CalibrationError, as_views, undetermined_if_singular
 from .joint.bundle import descend
-from .joint.models import TsaiModel, derivative_by_point
+from .joint.models import Lens, TsaiModel, derivative_by_point
 from .joint.starts import demand_order, pnp
 from .joint.views import State, Views, evaluate
 from .planes import is_planar, plane_rotation
@@ -44,7 +44,9 @@ class BoardPose:
     rms: float
 
 
-def board_pose(object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera | FisheyeCamera) -> RigidTransform:
+def board_pose(
+    object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera | FisheyeCamera
+) -> RigidTransform:
     """Pose of one object in a known camera: least squares over the image points.
 
     Parameters
@@ -163,7 +165,7 @@ def _turn_between(first, second):
     return Rotation.from_matrix(first.rotations[0].T @ second.rotations[0]).magnitude()
 
 
-class _KnownCamera:
+class _KnownCamera(Lens):
     """A camera as a lens model without free parameters."""
 
     names: list[str] = []
@@ -176,5 +178,8 @@ class _KnownCamera:
         if points[:, 2].min() <= 0:
             return None
         normalized = points[:, :2] / points[:, 2:]
-        image, by_normalized = self.camera.image_and_derivative(normalized)
+        try:
+            image, by_normalized = self.camera.image_and_derivative(normalized)
+        except ValueError:  # beyond the widest angle of a fisheye lens
+            return None
         return image, np.zeros((len(points), 2, 0)), derivative_by_point(by_normalized, normalized, 1.0, points)

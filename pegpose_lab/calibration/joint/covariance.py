@@ -16,14 +16,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .bundle import Equations
-    from .views import LensModel, State, Views
+    from .models import Lens
+    from .views import State, Views
 
 LEAST_INFORMATION = 1e-11
 """The camera is not determined if the smallest eigenvalue of S, scaled by A's diagonal, is at most this: it is the
 fraction of the information that remains when the poses are unknown."""
 
 
-def covariance_of(model: LensModel, views: Views, state: State, equations: Equations, variance: float) -> pd.DataFrame:
+def covariance_of(model: Lens, views: Views, state: State, equations: Equations, variance: float) -> pd.DataFrame:
     """Covariance of all parameters as a labelled table; translations refer to the objects' own origins.
 
     `equations` must be without weights; `variance` is that of one image coordinate, px^2.

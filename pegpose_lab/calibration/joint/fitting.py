@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from .models import OpenCVModel, TsaiModel
+    from .models import FisheyeModel, OpenCVModel, TsaiModel
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Fit:
     `weights` are 1 where there is a point, or those of a robust loss; `variance` is that of one image coordinate, px^2.
     """
 
-    model: TsaiModel | OpenCVModel
+    model: TsaiModel | OpenCVModel | FisheyeModel
     views: Views
     state: State
     equations: Equations
@@ -45,15 +45,16 @@ class Fit:
 
 
 def fit_views(
-    model: TsaiModel | OpenCVModel,
+    model: TsaiModel | OpenCVModel | FisheyeModel,
     object_points: Sequence[NDArray[np.float64]],
     image_points: Sequence[NDArray[np.float64]],
     loss: str = "linear",
+    start: State | None = None,
 ) -> Fit:
-    """Fit a model to all views; the result is not judged yet."""
+    """Fit a model to all views, from a start if one is given; the result is not judged yet."""
     views = Views.stack(object_points, image_points)
     _demand_freedom(model, views)
-    state = find_start(model, views, object_points, image_points)
+    state = find_start(model, views, object_points, image_points) if start is None else start
     state = minimise(model, views, state, views.used)[0]
     if loss == "linear":
         return fit_at(model, views, state)
@@ -61,7 +62,7 @@ def fit_views(
 
 
 def fit_at(
-    model: TsaiModel | OpenCVModel,
+    model: TsaiModel | OpenCVModel | FisheyeModel,
     views: Views,
     state: State,
     weights: NDArray[np.float64] | None = None,
@@ -69,7 +70,7 @@ def fit_at(
 ) -> Fit:
     """The `Fit` of a state at a minimum; by default the variance is that of the residuals."""
     freedom = _demand_freedom(model, views)
-    equations = Equations.of(*evaluate(model, views, state), views.used)
+    equations = Equations.of(*evaluate(model, views, state), views.used).with_prior(model.prior(state.shared))
     if variance is None:
         weights, variance = views.used, max(equations.cost / freedom, SMALLEST_RMS**2)
     covariance = covariance_of(model, views, state, equations, variance)
