@@ -55,6 +55,7 @@ class Flag(str):
     little-tilt               the planes are only slightly tilted, and f depends on that tilt alone
     noisy-focal-length        much of what the views seem to tell about f may be noise
     misfit-lens               a lens model with more parameters fits the points better
+    misfit-board              a board that is bent, or of another aspect ratio, fits the points better
     misfit-view               some views do not fit the others
     points-outside            some points lie outside of the image
     size-swapped              the principal point is that of an image with width and height swapped

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import stdtrit
 
-from ..camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
+from ..camera import UNKNOWN_SIZE
 from ..checks import Flag, outside
 from .files import read_calibration, write_calibration
 from .two_stage.tsai import judge_interval
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
     import pandas as pd
     from numpy.typing import NDArray
+
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
+    from .board import BoardShape
 
 MINIMUM_POINTS = 5
 """Fewest points of a view: Tsai's method solves for five ratios of a plane."""
@@ -46,7 +49,7 @@ class Calibration:
 
     Attributes
     ----------
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     cam_from_object : list of RigidTransform
         Pose of the object in each view.
     residuals : list of (n, 2) ndarray
@@ -65,6 +68,8 @@ class Calibration:
     n_parameters : int or None
         Number of fitted parameters, including those of the poses; None if it is not known.  n points have
         2 n - n_parameters degrees of freedom.
+    board : BoardShape or None
+        The estimated shape of the board (`calibrate_joint`, option ``board``); its ``apply`` gives the measured board.
 
     Examples
     --------
@@ -80,7 +85,7 @@ class Calibration:
     (8.0, 0.0, 3)
     """
 
-    camera: TsaiCamera | OpenCVCamera
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera
     cam_from_object: list
     residuals: list
     flags: tuple[Flag, ...] = ()
@@ -88,6 +93,7 @@ class Calibration:
     covariance: pd.DataFrame | None = None
     populations: np.ndarray | None = None
     n_parameters: int | None = None
+    board: BoardShape | None = None
 
     @property
     def mean_distance(self) -> float:
@@ -187,7 +193,7 @@ def judge_principal_point(covariance: pd.DataFrame, image_size: tuple[int, int],
 
 
 def judge_image_size(
-    camera: TsaiCamera | OpenCVCamera, image_points: Sequence[NDArray[np.float64]]
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera, image_points: Sequence[NDArray[np.float64]]
 ) -> tuple[Flag, ...]:
     """Flags if points lie outside the image, or if the principal point lies at the centre of the image with width and
     height swapped."""

@@ -10,8 +10,8 @@ import numpy as np
 from ...checks import CalibrationError
 from .bundle import SMALLEST_RMS, Equations, minimise, minimise_robust
 from .covariance import covariance_of
-from .starts import find_start
 from .views import State, Views, evaluate
+from .wide import find_any_start
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,7 +54,7 @@ def fit_views(
     """Fit a model to all views, from a start if one is given; the result is not judged yet."""
     views = Views.stack(object_points, image_points)
     _demand_freedom(model, views)
-    state = find_start(model, views, object_points, image_points) if start is None else start
+    state = find_any_start(model, views, object_points, image_points) if start is None else start
     state = minimise(model, views, state, views.used)[0]
     if loss == "linear":
         return fit_at(model, views, state)

@@ -1,8 +1,8 @@
 """Goodness of fit: whether the residuals of a bundle adjustment contradict its lens model or some of its views.
 
 Stated sigmas are valid if the lens follows the model and the noise is independent and equal at all points.
-Two tests check the lens model (`richer`) and the views (`outlying`).  They do not detect correlated noise or a bent
-board.  If both find something, the flag names the explanation that leaves the smaller variance.
+Two tests check the models of lens and board (`richer`) and the views (`outlying`).  They do not detect correlated noise.
+If both find something, the flag names the explanation that leaves the smaller variance.
 """
 
 from __future__ import annotations
@@ -37,8 +37,13 @@ def judge_misfit(
     if outlying and not (better and better.variance < rest.variance):
         better = better_model(rest, *without(outlying, object_points, image_points), loss)
         flags = (Flag("misfit-view", view_sentence(fit, outlying, rest)),)
-        return flags + ((Flag("misfit-lens", f"Without them: {model_sentence(rest, better)}"),) if better else ())
-    return (Flag("misfit-lens", model_sentence(fit, better)),) if better else ()
+        return flags + (_model_flag(rest, better, "Without them: ") if better else ())
+    return _model_flag(fit, better) if better else ()
+
+
+def _model_flag(fit, better, before=""):
+    text = before + model_sentence(fit, better)
+    return (Flag("misfit-board", text) if better.candidate.of_board else Flag("misfit-lens", text),)
 
 
 def views_in_doubt(
