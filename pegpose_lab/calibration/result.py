@@ -138,7 +138,8 @@ class Calibration:
             ``distortion_coefficients``, ``image_width``, ``image_height`` and ``extrinsic_parameters`` (rotation vector
             and translation, one row per view) have the names of OpenCV's own calibration files, so its tools can read
             them.  A `TsaiCamera` that no OpenCV camera describes (`TsaiCamera.to_opencv`) is written without the first
-            two.  ROS's camera_info holds the camera only, in OpenCV's model.
+            two.  ROS's camera_info holds the camera only, in OpenCV's model (``plumb_bob``, ``rational_polynomial``) or a
+            fisheye camera's (``equidistant``).
 
         Raises
         ------
@@ -151,10 +152,11 @@ class Calibration:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Calibration:
-        """Read a file that `save` wrote; its content tells which form it has.  Nothing in the file is executed.
+        """Read a file that `save` wrote, or another tool; its content tells which form it has.  Nothing in it is executed.
 
-        A ROS file or one of OpenCV's own calibration files gives the camera only: there are no poses, and no residuals
-        for `rms`, `mean_distance` and `axis_std`.
+        A ROS file or one of OpenCV's own calibration files (YAML, XML or JSON) gives the camera only: there are no poses,
+        and no residuals for `rms`, `mean_distance` and `axis_std`.  So does a file with a camera matrix and distortion
+        coefficients alone (``K`` and ``D``, for instance); without the image's size that of the camera is `UNKNOWN_SIZE`.
 
         Raises
         ------
