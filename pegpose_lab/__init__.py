@@ -82,6 +82,7 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .calibration import projection_uncertainty as projection_uncertainty
     from .calibration import split_halves as split_halves
     from .calibration import weakest_direction as weakest_direction
+    from .camera import FisheyeCamera as FisheyeCamera
     from .camera import OpenCVCamera as OpenCVCamera
     from .camera import Sensor as Sensor
     from .camera import TsaiCamera as TsaiCamera
@@ -116,6 +117,7 @@ _HOME = {
     "Sensor": "camera",
     "TsaiCamera": "camera",
     "OpenCVCamera": "camera",
+    "FisheyeCamera": "camera",
     "Checkerboard": "targets",
     "Hub": "targets",
     "RingMark": "patterns",

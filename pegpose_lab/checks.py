@@ -55,6 +55,7 @@ class Flag(str):
     little-tilt               the planes are only slightly tilted, and f depends on that tilt alone
     noisy-focal-length        much of what the views seem to tell about f may be noise
     misfit-lens               a lens model with more parameters fits the points better
+    misfit-board              a board that is bent, or of another aspect ratio, fits the points better
     misfit-view               some views do not fit the others
     clustered-sigmas          a view's errors are not independent; the sigmas are those of the scatter between views
     correlated-corners        a view's errors are not independent, and too few views are there to allow for it

@@ -12,16 +12,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from ..camera import OpenCVCamera, TsaiCamera
+from ..camera import CAMERA_MODELS, TsaiCamera
 from ..checks import CalibrationError, as_views, undetermined_if_singular
 from .joint.bundle import descend
-from .joint.models import TsaiModel, derivative_by_point
+from .joint.models import Lens, TsaiModel, derivative_by_point
 from .joint.starts import demand_order, pnp
 from .joint.views import State, Views, evaluate
 from .planes import is_planar, plane_rotation
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+    from ..camera import FisheyeCamera, OpenCVCamera
 
 SAME_POSE = 1e-3
 """rad: two minima whose rotations differ by less than this are the same."""
@@ -42,7 +44,9 @@ class BoardPose:
     rms: float
 
 
-def board_pose(object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera) -> RigidTransform:
+def board_pose(
+    object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera | FisheyeCamera
+) -> RigidTransform:
     """Pose of one object in a known camera: least squares over the image points.
 
     Parameters
@@ -51,7 +55,7 @@ def board_pose(object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCa
         mm, n >= 4; they may lie on a plane.
     image_points : (n, 2) array_like
         px.
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
 
     Returns
     -------
@@ -80,7 +84,7 @@ def board_pose(object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCa
 
 @undetermined_if_singular()
 def board_poses(
-    object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera
+    object_points: ArrayLike, image_points: ArrayLike, camera: TsaiCamera | OpenCVCamera | FisheyeCamera
 ) -> list[BoardPose]:
     """The one or two poses of an object in a known camera that are minima of the least squares, best first.
 
@@ -113,8 +117,9 @@ def board_poses(
     (0.0, [-90.0, -70.0, 500.0])
     """
     (object_points,), (image_points,) = as_views([object_points], [image_points], 4)
-    if not isinstance(camera, (TsaiCamera, OpenCVCamera)):
-        raise ValueError(f"camera is {type(camera).__name__}; expected a TsaiCamera or an OpenCVCamera")
+    if not isinstance(camera, CAMERA_MODELS):
+        expected = ", ".join(model.__name__ for model in CAMERA_MODELS)
+        raise ValueError(f"camera is {type(camera).__name__}; expected one of {expected}")
     demand_order([object_points], [image_points])
     views = Views.stack([object_points], [image_points])
     start = pnp(object_points, camera.to_normalized(image_points), np.eye(3))
@@ -137,7 +142,7 @@ def _minimum(camera, views, state, leave=None):
 
     The search ends early at a state for which `leave`, if given, is true.
     """
-    model = TsaiModel.known(camera) if isinstance(camera, TsaiCamera) else _KnownOpenCVCamera(camera)
+    model = TsaiModel.known(camera) if isinstance(camera, TsaiCamera) else _KnownCamera(camera)
     if evaluate(model, views, state) is None:
         return None
     state, equations, _ = descend(model, views, state, views.used, leave)
@@ -160,8 +165,8 @@ def _turn_between(first, second):
     return Rotation.from_matrix(first.rotations[0].T @ second.rotations[0]).magnitude()
 
 
-class _KnownOpenCVCamera:
-    """An `OpenCVCamera` as a lens model without free parameters."""
+class _KnownCamera(Lens):
+    """A camera as a lens model without free parameters."""
 
     names: list[str] = []
 
@@ -173,5 +178,8 @@ class _KnownOpenCVCamera:
         if points[:, 2].min() <= 0:
             return None
         normalized = points[:, :2] / points[:, 2:]
-        image, by_normalized = self.camera.image_and_derivative(normalized)
+        try:
+            image, by_normalized = self.camera.image_and_derivative(normalized)
+        except ValueError:  # beyond the widest angle of a fisheye lens
+            return None
         return image, np.zeros((len(points), 2, 0)), derivative_by_point(by_normalized, normalized, 1.0, points)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import stdtrit
 
-from ..camera import UNKNOWN_SIZE, OpenCVCamera, TsaiCamera
+from ..camera import UNKNOWN_SIZE
 from ..checks import Flag, as_number, outside
 from .files import read_calibration, write_calibration
 from .two_stage.tsai import judge_interval
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
     import pandas as pd
     from numpy.typing import NDArray
+
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
+    from .board import BoardShape
 
 LEAST_VIEWS = 5
 """Fewest views whose scatter can give the sigmas: of five views it has four degrees of freedom, and an interval is 2.8
@@ -50,7 +53,7 @@ class Calibration:
 
     Attributes
     ----------
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     cam_from_object : list of RigidTransform
         Pose of the object in each view.
     residuals : list of (n, 2) ndarray
@@ -73,6 +76,8 @@ class Calibration:
     n_parameters : int or None
         Number of fitted parameters, including those of the poses; None if it is not known.  n points have
         2 n - n_parameters degrees of freedom.
+    board : BoardShape or None
+        The estimated shape of the board (`calibrate_joint`, option ``board``); its ``apply`` gives the measured board.
 
     Examples
     --------
@@ -88,7 +93,7 @@ class Calibration:
     (8.0, 0.0, 3)
     """
 
-    camera: TsaiCamera | OpenCVCamera
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera
     cam_from_object: list
     residuals: list
     flags: tuple[Flag, ...] = ()
@@ -98,6 +103,7 @@ class Calibration:
     n_parameters: int | None = None
     classical_covariance: pd.DataFrame | None = None
     freedom: int | None = None
+    board: BoardShape | None = None
 
     @property
     def mean_distance(self) -> float:
@@ -182,7 +188,8 @@ class Calibration:
             ``distortion_coefficients``, ``image_width``, ``image_height`` and ``extrinsic_parameters`` (rotation vector
             and translation, one row per view) have the names of OpenCV's own calibration files, so its tools can read
             them.  A `TsaiCamera` that no OpenCV camera describes (`TsaiCamera.to_opencv`) is written without the first
-            two.  ROS's camera_info holds the camera only, in OpenCV's model.
+            two.  ROS's camera_info holds the camera only, in OpenCV's model (``plumb_bob``, ``rational_polynomial``) or a
+            fisheye camera's (``equidistant``).
 
         Raises
         ------
@@ -195,10 +202,11 @@ class Calibration:
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Calibration:
-        """Read a file that `save` wrote; its content tells which form it has.  Nothing in the file is executed.
+        """Read a file that `save` wrote, or another tool; its content tells which form it has.  Nothing in it is executed.
 
-        A ROS file or one of OpenCV's own calibration files gives the camera only: there are no poses, and no residuals
-        for `rms`, `mean_distance` and `axis_std`.
+        A ROS file or one of OpenCV's own calibration files (YAML, XML or JSON) gives the camera only: there are no poses,
+        and no residuals for `rms`, `mean_distance` and `axis_std`.  So does a file with a camera matrix and distortion
+        coefficients alone (``K`` and ``D``, for instance); without the image's size that of the camera is `UNKNOWN_SIZE`.
 
         Raises
         ------
@@ -237,7 +245,7 @@ def judge_principal_point(covariance: pd.DataFrame, image_size: tuple[int, int],
 
 
 def judge_image_size(
-    camera: TsaiCamera | OpenCVCamera, image_points: Sequence[NDArray[np.float64]]
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera, image_points: Sequence[NDArray[np.float64]]
 ) -> tuple[Flag, ...]:
     """Flags if points lie outside the image, or if the principal point lies at the centre of the image with width and
     height swapped."""

@@ -3,18 +3,25 @@
 A lens model is one file here, with the methods that `pinhole` lists.
 """
 
+from .fisheye import FisheyeCamera, equidistant
 from .opencv import OpenCVCamera
 from .pinhole import UNKNOWN_SIZE
 from .radial import distort_radius, max_undistorted_radius
 from .sensor import Sensor
 from .tsai import TsaiCamera, as_sensor
 
+CAMERA_MODELS = (TsaiCamera, OpenCVCamera, FisheyeCamera)
+"""The camera models; whatever takes a camera takes any of them."""
+
 __all__ = [
+    "CAMERA_MODELS",
+    "FisheyeCamera",
     "OpenCVCamera",
     "Sensor",
     "TsaiCamera",
     "UNKNOWN_SIZE",
     "as_sensor",
     "distort_radius",
+    "equidistant",
     "max_undistorted_radius",
 ]

@@ -1,4 +1,4 @@
 """Bundle adjustment of all views, and the uncertainty that remains.
 
-Other packages import from `pegpose_lab.calibration`.  A new lens model is a class in `models`.
+Other packages import from `pegpose_lab.calibration`.  A new lens model is a file in `models`.
 """

@@ -10,11 +10,11 @@ import numpy as np
 from ...checks import CalibrationError
 from ..planes import is_planar
 from .bundle import descend
+from .candidates import in_pixels
 from .fitting import fit_views
 from .homographies import linear_homographies, plane_rotations, poses_of
 from .models import OpenCVModel, TsaiModel
 from .noise import own_noise
-from .richer import _in_pixels
 from .sizes import Resized
 from .views import State, Views, evaluate
 
@@ -108,7 +108,7 @@ def _agreeing(fit, views, planes, noise):
 def held_variances(fit: Fit, views: Views, planes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Variance per coordinate (V,) of each view's residuals with the camera of a fit, px^2; infinite if it sees none."""
     model = Resized(fit, (False, False, False))
-    focal, center, _ = _in_pixels(fit)
+    focal, center, _ = in_pixels(fit)
     rotations, positions = poses_of(linear_homographies(views, planes, (views.image - center) / focal)[0], planes, 1.0)
     variances = np.full(len(views.used), np.inf)
     for view in range(len(variances)):

@@ -12,7 +12,7 @@ views have about the camera if their poses are unknown; its smallest eigenvalue 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from .views import LensModel, State, Views
+    from .models import Lens
+    from .views import State, Views
 
 MAX_STEPS = 200
 SMALL_STEP = 1e-7
@@ -70,6 +71,14 @@ class Equations:
         blocks = normal[:, :k, :k].sum(axis=0), normal[:, :k, k:], normal[:, k:, k:]
         return cls(*blocks, gradient[:, :k].sum(axis=0), gradient[:, k:], float(np.sum(residuals**2)))
 
+    def with_prior(self, prior: tuple[NDArray[np.float64], NDArray[np.float64], float] | None) -> Equations:
+        """The equations with what priors add (`models.Lens.prior`)."""
+        if prior is None:
+            return self
+        weights, gradient, cost = prior
+        a, shared_gradient = self.a + np.diag(weights), self.shared_gradient + gradient
+        return replace(self, a=a, shared_gradient=shared_gradient, cost=self.cost + cost)
+
     def eliminated(self, damping: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """S (k, k), C^-1 B^T (V, 6, k), and C^-1 times the gradient by the poses (V, 6, 1)."""
         k = len(self.a)
@@ -99,7 +108,7 @@ class Equations:
         return shared, pose[:, :3], pose[:, 3:], promised
 
 
-def minimise(model: LensModel, views: Views, state: State, weights: NDArray[np.float64]) -> tuple[State, Equations]:
+def minimise(model: Lens, views: Views, state: State, weights: NDArray[np.float64]) -> tuple[State, Equations]:
     """The state at the minimum and its `Equations`."""
     state, equations, settled = descend(model, views, state, weights)
     if not settled:
@@ -113,7 +122,7 @@ def minimise(model: LensModel, views: Views, state: State, weights: NDArray[np.f
 
 
 def descend(
-    model: LensModel,
+    model: Lens,
     views: Views,
     state: State,
     weights: NDArray[np.float64],
@@ -126,13 +135,16 @@ def descend(
     evaluated = evaluate(model, views, state)
     if evaluated is None:
         raise CalibrationError("the starting solution does not see all points; check their order")
-    equations, damping, growth = Equations.of(*evaluated, weights), 1e-4, 2.0
+    equations = Equations.of(*evaluated, weights).with_prior(model.prior(state.shared))
+    damping, growth = 1e-4, 2.0
     count, floor = views.used.sum(), np.sum(weights) * SMALLEST_RMS**2
     for _ in range(MAX_STEPS):
         step, promised = _step(equations, damping)
         trial = state.moved(*step) if promised > 0 else None
         evaluated = None if trial is None else evaluate(model, views, trial)
-        found = None if evaluated is None else Equations.of(*evaluated, weights)
+        found = None
+        if evaluated is not None:
+            found = Equations.of(*evaluated, weights).with_prior(model.prior(trial.shared))
         noise = max(equations.cost, floor) / count
         if found is not None and found.cost <= equations.cost:
             gain = min((equations.cost - found.cost) / promised, 1.0)
@@ -159,9 +171,7 @@ def _step(equations, damping):
     return step, promised
 
 
-def minimise_robust(
-    model: LensModel, views: Views, state: State, loss: str
-) -> tuple[State, NDArray[np.float64], float]:
+def minimise_robust(model: Lens, views: Views, state: State, loss: str) -> tuple[State, NDArray[np.float64], float]:
     """Iteratively reweighted least squares; the median distance gives the scale of the weights.
 
     Returns the state at the minimum, the weights, and the variance per axis by `_robust_variance`.

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .bundle import Equations
-    from .views import LensModel, State, Views
+    from .models import Lens
+    from .views import State, Views
 
 LEAST_INFORMATION = 1e-11
 """The camera is not determined if the smallest eigenvalue of S, scaled by A's diagonal, is at most this: it is the
@@ -24,7 +25,7 @@ fraction of the information that remains when the poses are unknown."""
 
 
 def covariance_of(
-    model: LensModel,
+    model: Lens,
     views: Views,
     state: State,
     equations: Equations,

@@ -11,8 +11,8 @@ from ...checks import CalibrationError
 from .bundle import SMALLEST_RMS, Equations, minimise, minimise_robust
 from .clustered import Scatter, scatter_of_views
 from .covariance import covariance_of
-from .starts import find_start
 from .views import State, Views, evaluate
+from .wide import find_any_start
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from .models import OpenCVModel, TsaiModel
+    from .models import FisheyeModel, OpenCVModel, TsaiModel
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Fit:
     and `freedom` its degrees of freedom.  `scatter` says whether `covariance` is the classical one.
     """
 
-    model: TsaiModel | OpenCVModel
+    model: TsaiModel | OpenCVModel | FisheyeModel
     views: Views
     state: State
     equations: Equations
@@ -74,15 +74,16 @@ class Fit:
 
 
 def fit_views(
-    model: TsaiModel | OpenCVModel,
+    model: TsaiModel | OpenCVModel | FisheyeModel,
     object_points: Sequence[NDArray[np.float64]],
     image_points: Sequence[NDArray[np.float64]],
     loss: str = "linear",
+    start: State | None = None,
 ) -> Fit:
-    """Fit a model to all views; the result is not judged yet."""
+    """Fit a model to all views, from a start if one is given; the result is not judged yet."""
     views = Views.stack(object_points, image_points)
     _demand_freedom(model, views)
-    state = find_start(model, views, object_points, image_points)
+    state = find_any_start(model, views, object_points, image_points) if start is None else start
     state = minimise(model, views, state, views.used)[0]
     if loss == "linear":
         return fit_at(model, views, state)
@@ -90,7 +91,7 @@ def fit_views(
 
 
 def fit_at(
-    model: TsaiModel | OpenCVModel,
+    model: TsaiModel | OpenCVModel | FisheyeModel,
     views: Views,
     state: State,
     weights: NDArray[np.float64] | None = None,
@@ -99,7 +100,7 @@ def fit_at(
     """The `Fit` of a state at a minimum; by default the variance is that of the residuals."""
     freedom = _demand_freedom(model, views)
     residuals, jacobian = evaluate(model, views, state)
-    equations = Equations.of(residuals, jacobian, views.used)
+    equations = Equations.of(residuals, jacobian, views.used).with_prior(model.prior(state.shared))
     if variance is None:
         weights, variance = views.used, max(equations.cost / freedom, SMALLEST_RMS**2)
     else:  # Huber's pseudo-residuals

@@ -145,7 +145,8 @@ def _noise_share(fit):
         evaluated = evaluate(fit.model, fit.views, fit.state.moved(0.0, column[:, :3], column[:, 3:]))
         if evaluated is None:
             return np.inf
-        added += (Equations.of(*evaluated, fit.views.used).eliminated()[0] - information) / 2
+        equations = Equations.of(*evaluated, fit.views.used).with_prior(fit.model.prior(fit.state.shared))
+        added += (equations.eliminated()[0] - information) / 2
     k = len(information)
     direction = fit.classical_covariance.iloc[:k, 0].to_numpy()
     return float(direction @ added @ direction / (direction @ information @ direction))

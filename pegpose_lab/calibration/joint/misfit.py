@@ -1,9 +1,9 @@
 """Goodness of fit: whether the residuals of a bundle adjustment contradict its lens model, some views or some corners.
 
 Stated sigmas are valid if the lens follows the model and the noise is independent and equal at all points.
-Three tests check single corners (`corners`), the lens model (`richer`) and the views (`outlying`).  They do not detect
-correlated noise or a bent board.  If both of the last two find something, the flag names the explanation that leaves
-the smaller variance.  Two more flags need no residuals: copies of a view, and planes seen from behind (`copies`).
+Three tests check single corners (`corners`), the models of lens and board (`richer`) and the views (`outlying`).  They do
+not detect correlated noise.  If both of the last two find something, the flag names the explanation that leaves the
+smaller variance.  Two more flags need no residuals: copies of a view, and planes seen from behind (`copies`).
 """
 
 from __future__ import annotations
@@ -68,15 +68,21 @@ def _judge_views_and_lens(fit, object_points, image_points, loss, repeated):
     if outlying and not (better and better.variance < rest.variance):
         better = _better_model(rest, without(outlying, *views), loss, [])
         flags = (Flag("misfit-view", view_sentence(fit, outlying, rest, *views)),)
-        return flags + ((Flag("misfit-lens", f"Without them: {model_sentence(rest, better)}"),) if better else ())
+        return flags + (_model_flag(rest, better, "Without them: ") if better else ())
     if not better:
         return ()
     flags = ()
     if not fit.model.free_center and better.words.endswith("principal point"):
         center = compared(fit, fit.model)[1:] + better.moved[1:]
-        better = replace(better, words=f"{better.words}, ({center[0]:.0f}, {center[1]:.0f}) px,")
+        words = f"{better.words}, ({center[0]:.0f}, {center[1]:.0f}) px,"
+        better = replace(better, candidate=replace(better.candidate, words=words))
         flags = _swapped_size(fit.model.sensor, center, image_points)
-    return (Flag("misfit-lens", model_sentence(fit, better)), *flags)
+    return _model_flag(fit, better) + flags
+
+
+def _model_flag(fit, better, before=""):
+    text = before + model_sentence(fit, better)
+    return (Flag("misfit-board", text) if better.candidate.of_board else Flag("misfit-lens", text),)
 
 
 def _swapped_size(sensor, center, image_points):

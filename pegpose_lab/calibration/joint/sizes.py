@@ -11,8 +11,9 @@ import numpy as np
 
 from ...checks import CalibrationError
 from .bundle import descend
+from .candidates import in_pixels
 from .homographies import linear_homographies, plane_rotations, poses_of
-from .richer import _in_pixels, plain
+from .richer import plain
 from .views import State, Views, evaluate
 
 if TYPE_CHECKING:
@@ -92,7 +93,7 @@ def fits_as(rest: Fit, object_points: NDArray[np.float64], image_points: NDArray
 
 def _best(model, views, plane):
     """The state of a view at the least sum of squares, and that sum; None if no start sees all points."""
-    focal, center, _ = _in_pixels(model.fit)
+    focal, center, _ = in_pixels(model.fit)
     found = []
     for scale in SCALES if 0 in model.columns else (1.0,):
         target = ((views.image + 0.5) / scale - 0.5 - center) / focal

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -13,16 +13,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-
-class LensModel(Protocol):
-    """What the bundle adjustment needs of a lens model (`models`): the parameters' names and the projection."""
-
-    names: list[str]
-
-    def project(
-        self, shared: NDArray[np.float64], points: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
-        """As `models.TsaiModel.project`."""
+    from .models import Lens
 
 
 @dataclass(frozen=True)
@@ -70,16 +61,29 @@ class State:
         ]
 
 
-def evaluate(model: LensModel, views: Views, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by camera, turn and shift; None if a point has no image."""
-    turned = views.points @ state.rotations.transpose(0, 2, 1)
+def evaluate(model: Lens, views: Views, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Residuals (V, m, 2) and derivatives (V, m, 2, k + 6) by camera, turn and shift; None if a point has no image.
+
+    If the board has unknowns, they are the last of the k: their derivatives are those by the point in the camera frame,
+    times the view's rotation, times those of the object point (`board.BoardUnknowns.bent`).
+    """
+    own, by_board = views.points, None
+    shared = state.shared
+    if model.board is not None:
+        shared, values = np.split(shared, [len(model.lens_names)])
+        bent, by_board = model.board.bent(views.points + views.centroids[:, None], values)
+        own = bent - views.centroids[:, None]
+    turned = own @ state.rotations.transpose(0, 2, 1)
     points = (turned + state.positions[:, None]).reshape(-1, 3)
-    projection = model.project(state.shared, points)
+    projection = model.project(shared, points)
     if projection is None:
         return None
     image, by_shared, by_point = projection
     x, y, z = turned.reshape(-1, 1, 3).transpose(2, 0, 1)
     by_x, by_y, by_z = by_point.transpose(2, 0, 1)
     by_turn = np.stack([y * by_z - z * by_y, z * by_x - x * by_z, x * by_y - y * by_x], axis=2)
+    if by_board is not None:
+        moved = (state.rotations[:, None] @ by_board).reshape(-1, *by_board.shape[2:])
+        by_shared = np.concatenate([by_shared, by_point @ moved], axis=2)
     jacobian = np.concatenate([by_shared, by_turn, by_point], axis=2)
     return image.reshape(views.image.shape) - views.image, jacobian.reshape(*views.image.shape, -1)

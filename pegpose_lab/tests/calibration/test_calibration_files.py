@@ -6,7 +6,14 @@ import pandas as pd
 import pytest
 import yaml
 
-from pegpose_lab import Calibration, Flag, calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
+from pegpose_lab import (
+    Calibration,
+    Flag,
+    calibrate_genetic,
+    calibrate_joint,
+    calibrate_tsai,
+    calibrate_zhang,
+)
 from pegpose_lab.paper import paper_pose
 from pegpose_lab.tests.calibration.views import BOARD, CAMERA, EXPERIMENT, WORLD_BOARD, five_views, view
 
@@ -106,20 +113,6 @@ def test_opencvs_own_calibration_files_give_the_camera(tmp_path, pegpose_data):
         (tmp_path / "bad.yml").write_text(text.replace(old, new, 1))
         with pytest.raises(ValueError, match=r"bad\.yml"):
             Calibration.load(tmp_path / "bad.yml")
-
-
-@pytest.mark.parametrize("count", [3, 4, 5, 8, 12])
-@pytest.mark.parametrize("model", ["plumb_bob", "rational_polynomial"])
-def test_ros_models_have_their_number_of_coefficients(tmp_path, model, count):
-    calibrate_tsai(*view(), CAMERA).save(tmp_path / "camera.yaml", form="ros")
-    info = yaml.safe_load((tmp_path / "camera.yaml").read_text())
-    info |= {"distortion_model": model, "distortion_coefficients": {"rows": 1, "cols": count, "data": [0.0] * count}}
-    (tmp_path / "camera.yaml").write_text(yaml.safe_dump(info))
-    if (model, count) in (("plumb_bob", 4), ("plumb_bob", 5), ("rational_polynomial", 8)):
-        assert Calibration.load(tmp_path / "camera.yaml").camera.dist_coeffs.size == count
-    else:
-        with pytest.raises(ValueError, match=r"camera\.yaml"):
-            Calibration.load(tmp_path / "camera.yaml")
 
 
 @pytest.mark.parametrize("counts", ["-3., 99.", "1e9, 48.", "47.5, 48.5", "0., 96.", "48., 47.", "96."])

@@ -129,7 +129,7 @@ def test_a_radial_pattern_beyond_all_models_is_told():
     for pose in scene(rng, 14):
         image = camera.project(BOARD, pose)
         radius = np.linalg.norm(image - (800, 600), axis=1, keepdims=True)
-        images.append(image + 0.1 * np.sin(radius / 50) * (image - (800, 600)) / radius)
+        images.append(image + 0.1 * np.sin(radius / 25) * (image - (800, 600)) / radius)
         images[-1] += 0.02 * rng.standard_normal(image.shape)
     (flag,) = of_misfit(calibrate_joint([BOARD] * 14, images, START, coefficients=("k1", "k2", "k3")).flags)
     assert "with a radial pattern that none of the models here has" in flag
