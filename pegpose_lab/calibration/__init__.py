@@ -1,8 +1,10 @@
 """Calibration: finds the camera and its poses, with their uncertainty, from the corners of one or several views.
 
 `two_stage` is the paper's method, `joint` is bundle adjustment of all views and `zhang` is the baseline.  All of
-them return a `result.Calibration`.  A calibration method is one file here and one line in the table
-`methods.CALIBRATION_METHODS`, which `study` and the notebooks read (.github/CONTRIBUTING.md shows an example).
+them return a `result.Calibration`.  `uncertainty` says how well a calibration projects, `differencing` how far two
+differ over the image, and `halves` whether halves of the views agree.  A calibration method is one file here and one
+line in the table `methods.CALIBRATION_METHODS`, which `study` and the notebooks read (.github/CONTRIBUTING.md shows an
+example).
 """
 
 from .differencing import CalibrationDifference, difference

@@ -42,6 +42,16 @@ class Halves:
         The axes of the grid over the image, px.
     refused : tuple of str
         Why halves could not be calibrated, a text for each repeat that is missing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pandas as pd
+    >>> from pegpose_lab.calibration import Halves
+    >>> lengths = np.array([[3.0, 4.0], [5.0, 5.0]])
+    >>> halves = Halves(pd.DataFrame({"z f_x": [-1.0, 7.0]}), lengths, np.ones((2, 2)), ([0, 639], [0]), ())
+    >>> halves.summary.loc["f_x"].tolist(), halves.map().values.round(2).tolist()
+    ([5.0, 50.0], [[4.12, 4.53]])
     """
 
     table: pd.DataFrame

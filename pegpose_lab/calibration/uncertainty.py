@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..checks import as_choice, as_number, as_points
+from ..checks import as_choice, as_number, as_points, undetermined_if_singular
 from .image_map import COLUMNS, ImageMap, image_grid
 from .lens_derivative import by_direction, by_turn, lens_covariance, lens_derivative
 from .result import pose_names
@@ -29,6 +29,7 @@ from .result import pose_names
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from ..camera import OpenCVCamera, TsaiCamera
     from .result import Calibration
 
 
@@ -49,6 +50,14 @@ class ProjectionUncertainty:
         nearest to y, both perpendicular to the ray.
     grid : (x, y) or None
         The axes of the grid over the image, px, if the points are one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab.calibration import ProjectionUncertainty
+    >>> at = ProjectionUncertainty(np.zeros((1, 2)), 1000.0, 0.09 * np.eye(2)[None], 4e-8 * np.eye(2)[None])
+    >>> at.sigmas.round(3).tolist(), at.sigmas_mm.round(3).tolist()  # px, and mm at 1 m
+    ([0.3], [0.2])
     """
 
     image_points: NDArray[np.float64]
@@ -110,6 +119,7 @@ class ProjectionUncertainty:
         return ImageMap.of_points(*self.grid, values, f"sigma {where} ({quantity})")
 
 
+@undetermined_if_singular()
 def projection_uncertainty(
     calibration: Calibration, image_points: ArrayLike | None = None, distance: float = np.inf, *, columns: int = COLUMNS
 ) -> ProjectionUncertainty:
@@ -187,7 +197,7 @@ def as_distance(distance: float) -> float:
     )
 
 
-def unit_rays(camera, image_points: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit_rays(camera: TsaiCamera | OpenCVCamera, image_points: NDArray[np.float64]) -> NDArray[np.float64]:
     """The viewing directions (n, 3) of image points as unit vectors."""
     rays = camera.rays(image_points)
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)

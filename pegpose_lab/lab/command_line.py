@@ -72,7 +72,8 @@ def _parser(checkout):
         help="measure circle detection beside its peers and the physical limit",
         description="Render frames with exact truth and give them to our circle measurement and to its peers: "
         "time, detection, and errors over the bound; about a quarter of an hour on two idle cores. Installs the "
-        "peers into .venv first (the optional group bench, and opencv-contrib in a folder of its own); one that "
+        "peers into .venv first (the optional group bench, opencv-contrib in a folder of its own, and 0.7 GB of other "
+        "calibration tools in environments of their own); one that "
         "cannot be installed is left out and named. Writes data/results/bench_*.csv and the README's table.",
     )
     _add_output(bench, checkout, "write DIR/data/results (default: the checkout, and its README)")
