@@ -66,10 +66,13 @@ def _of_lens(model):
         radial = tuple(name for name in COEFFICIENTS if name in (*known, *missing[:number]))
         rational = tuple(name for name in RATIONAL if name in (*known, *radial))
         found.append(Candidate(f"distortion by {', '.join(rational)}", _richer(model, rational), (*missing[:number],)))
-    whole = tuple(name for name in RATIONAL if name in known or name not in ("p1", "p2"))
-    if set(whole) - set(known):
-        words = f"rational distortion by {', '.join(whole)}"
-        found.append(Candidate(words, _richer(model, whole), (*missing, *FINE_RADIAL)))
+    for last in ("k4", "k6"):  # all six are often more than the views determine
+        wanted = ("k1", "k2", "k3", "k4") if last == "k4" else RATIONAL[:2] + RATIONAL[4:]
+        whole = tuple(name for name in RATIONAL if name in (*known, *wanted))
+        if last not in known:
+            words = f"rational distortion by {', '.join(whole)}"
+            columns = (*missing, *FINE_RADIAL[: 1 if last == "k4" else 3])
+            found.append(Candidate(words, _richer(model, whole), columns))
     words = "an equidistant (fisheye) lens"
     found.append(Candidate(words, _richer(model, EQUIDISTANT, "equidistant"), (*missing, *FINE_RADIAL), nested=False))
     if not missing:
