@@ -79,17 +79,19 @@ def without_wrong(
 
 def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit) -> Flag:
     """The flag that lists the wrong corners with their views."""
+    alone = len(fit.views.used) == 1
     parts = [
-        f"{'corners' if len(corners) > 1 else 'corner'} {', '.join(map(str, corners))} of view {view}"
+        f"{'corners' if len(corners) > 1 else 'corner'} {', '.join(map(str, corners))}{'' if alone else f' of view {view}'}"
         for view, corners in wrong.items()
     ]
     distances = [distance for corners in wrong.values() for distance in corners.values()]
     span = " to ".join(dict.fromkeys(plain(end, 2) for end in (min(distances), max(distances))))
     moved = plain(compared(rest, fit.model)[0] - compared(fit, fit.model)[0], 2, True)
+    remedy = "leave them out" if alone else 'leave them out, or use loss="cauchy"'
     text = (
         f"Wrong corners (counted from 0): {'; '.join(parts)}: {span} px from where all others put them, which "
         f"themselves have an rms of {plain(np.sqrt(2 * rest.variance), 2)} px. Without them f moves by {moved} "
-        f'{fit.model.unit}: leave them out, or use loss="cauchy".'
+        f"{fit.model.unit}: {remedy}."
     )
     return Flag("misfit-corner", text)
 
@@ -118,8 +120,8 @@ def _sigma(distances):
 
 
 def _few(wrong, used):
-    """Wrong corners without those of views in which too many are wrong."""
-    return wrong & (wrong.sum(axis=1) <= FEW * used.sum(axis=1))[:, None]
+    """The wrong corners, or none if too many of some view are wrong: then the view is, and spoils the fit."""
+    return wrong & bool(np.all(wrong.sum(axis=1) <= FEW * used.sum(axis=1)))
 
 
 def _alone(wrong, distances, object_points, image_points):

@@ -20,6 +20,7 @@ from .bundle import SMALLEST_RMS
 from .copies import copied_views, copies_sentence, judge_sides
 from .corners import judge_corners, without_wrong, wrong_corners
 from .fitting import fit_views
+from .orders import far_corners, far_sentence
 from .outlying import majority, outlying_views, view_sentence, without
 from .richer import better_model, compared, model_sentence
 
@@ -112,13 +113,19 @@ def refused(
     fit: Fit | None,
     loss: str = "linear",
 ) -> CalibrationError:
-    """The error of a calibration, led by the copies among the views, or by the views that do not agree with the others.
+    """The error of a calibration, led by the copies among the views, by wrong corners, or by the views that do not
+    agree with the others.
 
     `fit` is that of all views, or None if there is none.
     """
     groups = copied_views(object_points, image_points)
     if groups:
         return CalibrationError(f"{copies_sentence(groups, len(object_points))} With all views: {error}")
+    single = {view: far_corners(*pair) for view, pair in enumerate(zip(object_points, image_points, strict=True))}
+    single = {view: corners for view, corners in single.items() if corners}
+    if single:
+        words = far_sentence(single, len(object_points) == 1)
+        return CalibrationError(f"{words[0].upper()}{words[1:]}; leave them out. With all corners: {error}")
     if fit is None:
         found = agreeing_views(model, object_points, image_points, loss)
     else:

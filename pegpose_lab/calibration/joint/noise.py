@@ -39,11 +39,21 @@ def smooth_residuals(
 ) -> NDArray[np.float64]:
     """Residuals (n, 2), px, of a plane's points about a homography and a cubic that are fitted to the points `kept`."""
     kept = np.ones(len(object_points), bool) if kept is None else kept
+    x, y, left = _about_homography(object_points, image_points, kept)
+    x, y = x / np.abs(x).max(), y / np.abs(y).max()
+    design = np.column_stack([x**i * y**j for i in range(4) for j in range(4 - i)])
+    return left - design @ np.linalg.lstsq(design[kept], left[kept], rcond=None)[0]
+
+
+def homography_misses(object_points: NDArray[np.float64], image_points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Residuals (n, 2), px, of a plane's points about a homography."""
+    return _about_homography(object_points, image_points, np.ones(len(object_points), bool))[2]
+
+
+def _about_homography(object_points, image_points, kept):
+    """Coordinates x and y in the plane, and the residuals about a homography that is fitted to the points kept."""
     views, planes = Views.stack([object_points[kept]], [image_points[kept]]), plane_rotations([object_points])
     matrix = linear_homographies(views, planes, views.image)[0][0]
     x, y = ((object_points - views.centroids[0]) @ planes[0].T)[:, :2].T
     seen = np.column_stack([x, y, np.ones(len(x))]) @ matrix.T
-    left = image_points - seen[:, :2] / seen[:, 2:]
-    x, y = x / np.abs(x).max(), y / np.abs(y).max()
-    design = np.column_stack([x**i * y**j for i in range(4) for j in range(4 - i)])
-    return left - design @ np.linalg.lstsq(design[kept], left[kept], rcond=None)[0]
+    return x, y, image_points - seen[:, :2] / seen[:, 2:]

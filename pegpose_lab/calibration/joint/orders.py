@@ -52,10 +52,10 @@ def demand_order(object_points: Sequence[NDArray[np.float64]], image_points: Seq
         return
     alone = len(object_points) == 1
     found = {view: fitting_order(object_points[view], image_points[view], wrong[view]) for view in wrong}
-    single = {view: _far_corners(object_points[view], image_points[view]) for view in wrong if not found[view]}
+    single = {view: far_corners(object_points[view], image_points[view]) for view in wrong if not found[view]}
     single = {view: corners for view, corners in single.items() if corners}
     if len(single) == len(wrong):
-        raise CalibrationError(_corner_sentence(single, alone))
+        raise CalibrationError(far_sentence(single, alone) + "; leave them out")
     found = {view: words for view, words in found.items() if view not in single}
     which = "" if alone else f" of view{'s' * (len(found) > 1)} {', '.join(map(str, found))}"
     raise CalibrationError(
@@ -147,8 +147,11 @@ def _order_sentences(found, alone):
     return "; ".join(parts)
 
 
-def _far_corners(object_points, image_points):
-    """Single corners that are far from the homography of the others, and their distances, px; {} if that explains nothing."""
+def far_corners(object_points: NDArray[np.float64], image_points: NDArray[np.float64]) -> dict[int, float]:
+    """Single corners of a plane that are far from the homography of the others, and their distances, px.
+
+    Empty if there are none, or more than `FEW`, or the others are in no order either.
+    """
     in_plane = (object_points @ plane_rotations([object_points])[0].T)[:, :2]
     if len(object_points) < 8:  # too few to tell a wrong corner from a wrong order
         return {}
@@ -166,8 +169,8 @@ def _far_corners(object_points, image_points):
     return {int(corner): float(distances[corner]) for corner in far}
 
 
-def _corner_sentence(single, alone):
-    """The error about single corners; `single` maps views to corners and distances."""
+def far_sentence(single: dict[int, dict[int, float]], alone: bool) -> str:
+    """A sentence about single corners by view; `alone` if there is one view only."""
     parts = []
     for view, corners in single.items():
         of = "" if alone else f" of view {view}"
@@ -175,5 +178,5 @@ def _corner_sentence(single, alone):
     largest = max(max(corners.values()) for corners in single.values())
     return (
         f"wrong corners: {'; '.join(parts)} (counted from 0), up to {largest:.0f} px from where the other corners of "
-        "the view put them; leave them out"
+        "the view put them"
     )

@@ -20,10 +20,12 @@ from ...checks import CalibrationError, Flag, as_matched_points, as_number, unde
 from ..joint.starts import demand_views
 from ..planes import is_planar
 from ..result import MINIMUM_POINTS, Calibration
+from .flags import judge_view, view_refused
 from .genes import BOX, _Genes
 from .genetic import repeat_genetic
 from .objective import PENALTY, TwoStageObjective
 from .tsai import solve_coplanar, solve_noncoplanar
+from .valley import Valley
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -77,12 +79,16 @@ def calibrate_tsai(object_points: ArrayLike, image_points: ArrayLike, camera: Se
     sensor = as_sensor(camera)
     demand_views([object_points], [image_points], sensor.image_size)
     solve = solve_coplanar if is_planar(object_points) else solve_noncoplanar
-    solution = solve(object_points, sensor.to_sensor(image_points))
+    try:
+        solution = solve(object_points, sensor.to_sensor(image_points))
+    except CalibrationError as error:
+        raise view_refused(error, object_points, image_points) from error
     camera = replace(sensor, scale_x=sensor.scale_x * solution.scale_x).camera(solution.focal_length)
     pose = RigidTransform.from_components(solution.translation, solution.rotation)
     residuals = camera.project(object_points, pose) - image_points
     unknowns = 7 if is_planar(object_points) else 8  # the pose and f, and scale_x of a body
-    return Calibration(camera, [pose], [residuals], solution.flags, n_parameters=unknowns)
+    flags = solution.flags + judge_view(object_points, image_points, camera, pose)
+    return Calibration(camera, [pose], [residuals], flags, n_parameters=unknowns)
 
 
 @undetermined_if_singular()
@@ -228,6 +234,9 @@ class _Start:
         self.linear = calibrate_tsai(*self.view)
         self.objective = TwoStageObjective(object_points, image_points, self.linear, kappa1=kappa1)
         self.coding = _Genes(genes, self.linear, self.objective.c2, box)
+        if kappa1 == "shared":
+            self.valley = Valley(self.objective, self.coding.lower, self.coding.upper)
+            self.coding.follow(*self.valley.floor)
 
     @cached_property
     def common(self):
@@ -243,10 +252,12 @@ class _Start:
         best = populations[:, 0]
         kappa1 = np.ravel(self.common.kappa1(best))
         history = found.history.assign(focal_length=best[:, 0], T_z=best[:, 1], kappa1=kappa1)
-        flags = self.linear.flags + self.coding.flags(best[-1])
-        if self.objective.form == "per-point":
+        edge = self.coding.flags(best[-1])
+        if self.objective.form == "shared":
+            flags = self.linear.flags + self.valley.judge(best[-1], found.fun) + edge
+        else:
             text = "With one kappa1 per point Eq. 7 is the same for all (f, T_z): these were drawn, not found."
-            flags += (Flag("drawn-not-found", text),)
+            flags = (*self.linear.flags, *edge, Flag("drawn-not-found", text))
         residuals = self.common.residuals(best[-1:])[0]
         found = calibration_at(self.linear, best[-1], kappa1[-1], residuals)
         return replace(found, flags=flags, history=history, populations=populations)
