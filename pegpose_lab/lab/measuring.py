@@ -44,6 +44,9 @@ MEASUREMENTS = {
     "opencv_left_detectors": Measurement(
         "study.write_sensitivity", ("opencv_left_detectors",), "5 s", ("opencv_left",)
     ),
+    "split_halves": Measurement("study.write_split_halves", ("split_halves",), "4 min", (
+        "opencv_left", "boards-opencv-right", "boards-udacity", "boards-sony", "boards-stereo-l",
+    )),
     "sector_corners": Measurement("study.write_sector_corners", ("sector_corners",), "15 s"),
     "ga_success": Measurement("study.write_success", ("ga_success",), "3 min"),
     "disc_constants": Measurement("bench.write_disc_constants", ("disc_constants",), "4 min"),

@@ -1,8 +1,7 @@
 """Goodness of fit: whether the residuals of a bundle adjustment contradict its lens model or some of its views.
 
-Stated sigmas are valid if the lens follows the model and the noise is independent and equal at all points.
-Two tests check the lens model (`richer`) and the views (`outlying`).  They do not detect correlated noise or a bent
-board.  If both find something, the flag names the explanation that leaves the smaller variance.
+Two tests check the lens model (`richer`) and the views (`outlying`); whether the errors are independent is tested in
+`clustered`.  If both find something, the flag names the explanation that leaves the smaller variance.
 """
 
 from __future__ import annotations
