@@ -55,8 +55,8 @@ def calibrate_zhang(
     Returns
     -------
     Calibration
-        With `OpenCVCamera` and `covariance`.  Its sigmas are valid if the lens follows this model and the noise is
-        independent and equal at all points; `flags` tell when the residuals contradict that (`misfit`).
+        With `OpenCVCamera` and `covariance`, stated as by `calibrate_joint`; `flags` tell when the residuals contradict
+        independent noise, or the lens model (`misfit`).
 
     Raises
     ------

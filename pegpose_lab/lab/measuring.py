@@ -49,6 +49,9 @@ MEASUREMENTS = {
     "opencv_left_detectors": Measurement(
         "study.write_sensitivity", ("opencv_left_detectors",), "5 s", ("opencv_left",)
     ),
+    "split_halves": Measurement("study.write_split_halves", ("split_halves",), "4 min", (
+        "opencv_left", "boards-opencv-right", "boards-udacity", "boards-sony", "boards-stereo-l",
+    )),
     "sector_corners": Measurement("study.write_sector_corners", ("sector_corners",), "15 s"),
     "mrcal_uncertainty": Measurement(
         "bench.write_mrcal_uncertainty", ("mrcal_uncertainty",), "20 s", tools=("mrcal", "mrcal, Debian")

@@ -83,11 +83,12 @@ def calibrate_joint(
         With `board`, if its shape was estimated, and `covariance` of all parameters.  They are ``focal_length`` (mm),
         ``scale_x``, ``kappa1``, ``c_x`` and ``c_y`` as far as they are free, or ``f_x``, ``f_y`` (or ``f_x`` for both),
         ``c_x``, ``c_y`` and the coefficients; those of the board; and for view v ``rx_v, ry_v, rz_v, tx_v, ty_v, tz_v``.
-        With a robust loss it is the covariance of the M-estimate (`_robust_variance`).  The sigmas, and intervals made
-        from them, are valid on two conditions: lens and board follow the fitted model, and the noise is independent and
-        equal at all points.  `flags` tell when the residuals favour a richer model of the lens or of the board or
-        contradict a view (`misfit`, which does not detect correlated noise), when the board tilt is below `SMALL_TILT`,
-        and when f or the principal point is poorly known.
+        With a robust loss it is the covariance of the M-estimate (`_robust_variance`).  `classical_covariance` is valid
+        if lens and board follow the model and the noise is independent and equal at all points.  Where the residuals
+        contradict independent noise, `covariance` is larger, by the scatter between the views (`clustered`), and a flag
+        gives the factor for f; that takes `LEAST_VIEWS` views, and with fewer a flag says that the sigmas are too small.
+        `flags` also tell when the residuals favour a richer model of the lens or of the board, or contradict a view or
+        a corner (`misfit`), when the board tilt is below `SMALL_TILT`, and when f or the principal point is poorly known.
 
     Raises
     ------

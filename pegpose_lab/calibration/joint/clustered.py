@@ -167,15 +167,15 @@ def _neighbour_test(views, errors, poses, own, freedom):
 
 
 def _neighbours(views):
-    """The sparse W (V m, V m): how often two points of a view are among each other's `NEIGHBOURS` nearest in the image."""
-    first, second = [], []
-    m = views.used.shape[1]
-    for view, (points, used) in enumerate(zip(views.image, views.used, strict=True)):
+    """The sparse W (V m, V m): how often two points of a view are among each other's `NEIGHBOURS` nearest on the object."""
+    first, second, found = [], [], {}
+    for view, (points, used) in enumerate(zip(views.points, views.used, strict=True)):
         places = np.flatnonzero(used)
-        number = min(NEIGHBOURS, len(places) - 1)
-        near = cKDTree(points[places]).query(points[places], number + 1)[1][:, 1:]
-        first.append(view * m + np.repeat(places, number))
-        second.append(view * m + places[near.ravel()])
+        number, known = min(NEIGHBOURS, len(places) - 1), points[places].tobytes()
+        if known not in found:  # all views of one board have the same
+            found[known] = places[cKDTree(points[places]).query(points[places], number + 1)[1][:, 1:]].ravel()
+        first.append(view * len(used) + np.repeat(places, number))
+        second.append(view * len(used) + found[known])
     first, second = np.concatenate(first), np.concatenate(second)
     directed = csr_array((np.ones(len(first)), (first, second)), shape=(views.used.size, views.used.size))
     return (directed + directed.T).tocsr()

@@ -1,9 +1,9 @@
 """Goodness of fit: whether the residuals of a bundle adjustment contradict its lens model, some views or some corners.
 
-Stated sigmas are valid if the lens follows the model and the noise is independent and equal at all points.
-Three tests check single corners (`corners`), the models of lens and board (`richer`) and the views (`outlying`).  They do
-not detect correlated noise.  If both of the last two find something, the flag names the explanation that leaves the
-smaller variance.  Two more flags need no residuals: copies of a view, and planes seen from behind (`copies`).
+Three tests check single corners (`corners`), the models of lens and board (`richer`) and the views (`outlying`); whether
+the errors are independent is tested in `clustered`.  If both of the last two find something, the flag names the
+explanation that leaves the smaller variance.  Two more flags need no residuals: copies of a view, and planes seen from
+behind (`copies`).
 """
 
 from __future__ import annotations

@@ -26,13 +26,15 @@ def test_error_definitions():
     assert calibration.axis_std == pytest.approx([3.0, np.sqrt(16 / 3)])
 
 
-@pytest.mark.parametrize("method", ["tsai", "genetic", "joint", "zhang"])
+@pytest.mark.parametrize("method", ["tsai", "genetic", "joint", "zhang", "bent"])
 def test_saved_calibrations_come_back(tmp_path, method):
+    bent = BOARD + np.sin(BOARD[:, :1] / 25) * [0, 0, 1.0]  # mm
     run = {
         "tsai": lambda: calibrate_tsai(*view(noise=0.1), CAMERA),
         "genetic": lambda: calibrate_genetic(*view(noise=0.1), CAMERA, rng=0, box=0.001, generations=3),
         "joint": lambda: calibrate_joint(*five_views(0.1), CAMERA),
         "zhang": lambda: calibrate_zhang(*five_views(0.1), CAMERA.image_size),
+        "bent": lambda: calibrate_joint(*five_views(0.1, board=bent), CAMERA),
     }[method]()
     run.save(tmp_path / "camera.yml")
     back = Calibration.load(tmp_path / "camera.yml")
@@ -42,11 +44,13 @@ def test_saved_calibrations_come_back(tmp_path, method):
     assert type(back.camera) is type(run.camera)
     for ours, theirs in zip(run.cam_from_object, back.cam_from_object, strict=True):
         assert theirs.as_matrix() == pytest.approx(ours.as_matrix(), rel=1e-12, abs=1e-12)
-        points = BOARD if method in ("joint", "zhang") else WORLD_BOARD
+        points = BOARD if method in ("joint", "zhang", "bent") else WORLD_BOARD
         assert back.camera.project(points, theirs) == pytest.approx(run.camera.project(points, ours), abs=1e-8)
     for ours, theirs in zip(run.residuals, back.residuals, strict=True):
         assert np.array_equal(ours, theirs)
-    for name in ("history", "covariance"):
+    assert back.freedom == run.freedom and back.sigmas_from == run.sigmas_from
+    assert (back.covariance is back.classical_covariance) == (method != "bent")
+    for name in ("history", "covariance", "classical_covariance"):
         ours, theirs = getattr(run, name), getattr(back, name)
         assert (ours is None) == (theirs is None)
         if ours is not None:

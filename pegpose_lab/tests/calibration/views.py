@@ -18,9 +18,10 @@ def view(points=WORLD_BOARD, pose=None, noise=0.0, seed=0, camera=CAMERA):
     return points, image_points + noise * np.random.default_rng(seed).standard_normal(image_points.shape)
 
 
-def five_views(noise, seed=0):
+def five_views(noise, seed=0, board=BOARD):
+    """Views of the flat board; if another one is given, its corners are seen, as of a board that is not flat."""
     rng = np.random.default_rng(seed)
-    image_points = [CAMERA.project(BOARD, pose) for pose in EXPERIMENT.cam_from_boards]
+    image_points = [CAMERA.project(board, pose) for pose in EXPERIMENT.cam_from_boards]
     return [BOARD] * 5, [points + noise * rng.standard_normal(points.shape) for points in image_points]
 
 
