@@ -10,6 +10,7 @@ from ..checks import DetectionError, as_image
 from ..patterns import RingPattern
 from ..segmentation import segment
 from .candidates import _part_circles
+from .follow import _followed_hub
 from .labels import _choose, _labellings, _nearest, _screw_places
 from .measure import _measure
 from .ring import _locate_ring
@@ -96,6 +97,9 @@ def locate_pegs(
         raise ValueError(f"previous is not a PegObservation of {n} pegs")
     if isinstance(hub, RingPattern):
         return _locate_ring(image, hub, radius_range, previous)
+    observation = None if previous is None else _followed_hub(image, hub, previous)
+    if observation is not None:
+        return observation
     segmentation = segment(image, min_area=min_area, threshold=threshold)
     try:
         return _locate(image, segmentation, hub, previous)

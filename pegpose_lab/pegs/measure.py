@@ -98,9 +98,14 @@ class PegObservation:
 
 def _measure(image, circles, ring, labelling, hub, labelled_by, turns):
     """Measure the chosen pegs, bore and screws by ellipse fits."""
-    n, n_screws = hub.n_pegs, len(labelling.screws)
     index = np.append(labelling.pegs, ring.bore)
     located = np.vstack([np.column_stack([circles.centers[index], circles.radii[index]]), labelling.screws])
+    return _measured_parts(image, located, hub, labelled_by, turns)
+
+
+def _measured_parts(image, located, hub, labelled_by, turns=None):
+    """The same for circles (n_pegs + 1 + n_screws, 3) of pegs, bore and screws in label order."""
+    n, n_screws = hub.n_pegs, len(located) - hub.n_pegs - 1
     names = [f"peg {k + 1}" for k in range(n)] + ["bore"] + [f"screw {k + 1}" for k in range(n_screws)]
     parts, covariances, reasons, shapes = _fit_parts(image, located)
     sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
@@ -124,7 +129,7 @@ def _measure(image, circles, ring, labelling, hub, labelled_by, turns):
         visible=_visible_rims(image, parts[:n, :2], shapes[:n]),
         homography=homography,
         labelled_by=labelled_by,
-        turns=turns,
+        turns=np.arange(n)[None] if turns is None else turns,
     )
 
 
