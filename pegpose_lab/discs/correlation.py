@@ -23,17 +23,18 @@ def _correlated_covariance(image, solution, i):
     """Covariance (5, 5) of x, y, r, p, q of disc i of a `_Solution`, from the residuals of its ring."""
     one = slice(i, i + 1)
     ellipse, level, contrast = solution.ellipse[one], *solution.levels[i]
-    pixels = _ring_pixels(image, ellipse, _ring_width(solution.log_s[one]))
-    rows, used = _ingredients(pixels, ellipse, solution.log_s[one])[0], pixels.used[0] > 0
+    pixels, disc = _ring_pixels(image, ellipse, _ring_width(solution.log_s[one]))
+    rows = _ingredients(pixels, ellipse[disc], solution.log_s[one][disc]).swapaxes(0, 1).reshape(9, -1)
+    used = pixels.used.ravel() > 0
     residuals = (rows[8] - (level - pixels.level[0]) * rows[6] - contrast * rows[7])[used]
     slopes = (rows[:8] * np.where(np.arange(8) < 6, contrast, 1.0)[:, None])[:, used]
     variance = residuals @ residuals / max(len(residuals) - 8, 1)
-    places = [np.rint(axis[0, used]).astype(int) for axis in (pixels.x, pixels.y)]
+    places = [np.rint(axis.ravel()[used]).astype(int) for axis in (pixels.x, pixels.y)]
     grids = (_on_grid(places, values) for values in (residuals, slopes, np.ones(len(residuals))))
     normal, bread = slopes @ slopes.T, np.linalg.inv(solution.normal[i])
     middle = _at_least(_middle(*grids), normal) * variance
     white, correlated = ((bread @ matrix @ bread)[:5, :5] for matrix in (variance * normal, middle))
-    part, radial = _parts(pixels, ellipse)[0, used], slopes[2]
+    part, radial = _parts(pixels, ellipse).ravel()[used], slopes[2]
     scores, information = (np.bincount(part, weights, PARTS)[None] for weights in (radial * residuals, radial**2))
     displaced = white * _excess(scores, information * variance)
     return max(correlated, displaced, key=lambda matrix: matrix[0, 0] + matrix[1, 1])

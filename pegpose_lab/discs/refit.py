@@ -55,8 +55,8 @@ def _refit(shape, sectors, log_s, contrast, noise):
     four more unknowns, 4 are expected), or its chi2 with the common levels is more than SECTOR_SIGMAS standard
     deviations above 1.  The own levels are eliminated from the normal equations.  Such a sector has the weight
     OWN_WEIGHT, because what changes the levels is seldom straight; (limit / chi2)^2 times that where its chi2 is
-    high even so, and none if it has less than a quarter of the contrast.  In the first ALONE steps all sectors
-    have levels of their own.
+    high even so, and none if it has less than a quarter of the contrast.  In the first ALONE steps, or until
+    one is small, all sectors have levels of their own.
 
     The pixels are looked at again when the edge has moved by SMALL_STEP; up to there Phi follows by its derivatives.
     """
@@ -68,18 +68,21 @@ def _refit(shape, sectors, log_s, contrast, noise):
     noise = np.hypot(noise, TOLERATED * contrast)
     moments, base, base_s, moved = np.empty((11, 11, len(disc))), result.ellipse, log_s, np.zeros((n, 6))
     levels, own, active, stale = np.zeros((n, 6)), np.ones(len(disc), bool), np.ones(n, bool), np.ones(n, bool)
+    alone = np.full(n, ALONE)  # steps
     for number in range(MAX_STEPS):
         if stale.any():
             _set_moments(moments, sectors, result.ellipse, result.log_s, stale)
             base, base_s = _choose(stale, result.ellipse, base), np.where(stale, result.log_s, base_s)
             moved[stale] = 0
         free = _own_levels(moments, count, noise[disc])
-        if number <= ALONE:
-            levels[:, 0], levels[:, 3] = _medians(free.level, spans), _medians(free.contrast, spans)
+        reset = number <= alone
+        if reset.any():
+            levels[reset, 0], levels[reset, 3] = _medians(free.level, spans)[reset], _medians(free.contrast, spans)[reset]
         level, step_up = _common_levels(levels, sectors)
         shared = _same_chi2(moments, level, step_up, count, noise[disc])
-        if ALONE <= number < FREEZE:
-            own = (shared * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared > limit)
+        if number < FREEZE:
+            needed = (shared * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared > limit)
+            own = np.where((number >= alone)[disc], needed, own)
         fits = _share_that_fits(free, limit, contrast[disc], _medians(free.chi2, spans)[disc])
         visible = np.bincount(disc, np.where(own, fits, 1), n) / np.bincount(disc, minlength=n)
         hidden = active & (visible < MIN_VISIBLE)
@@ -88,7 +91,7 @@ def _refit(shape, sectors, log_s, contrast, noise):
         step, bad = _solve_scaled(normal, gradient)
         result.reasons[active & bad], result.reasons[hidden] = "no edge", "edge hidden"
         size = ((normal @ step[:, :, None])[:, :, 0] * step).sum(axis=1)
-        last = active & (size <= LAST_STEP * noise**2) & (number > ALONE)
+        last = active & (size <= LAST_STEP * noise**2) & (number > alone)
         step[:, :6] = _limited(step[:, :6], result.ellipse)
         step[~active | bad | hidden] = 0
         moved += step[:, :6]
@@ -113,6 +116,7 @@ def _refit(shape, sectors, log_s, contrast, noise):
         if not active.any():
             break
         stale = active & (_movement(moved, base) > SMALL_STEP)
+        alone = np.where(stale | (number >= alone), alone, number + 1)
         follow = active & ~stale
         if follow.any():
             _shift_moments(moments, np.where(follow[:, None], step[:, :6], 0)[disc])
