@@ -10,6 +10,7 @@ than REACH show in the `spectrum` of the edge's displacements; the larger of the
 
 import cv2
 import numpy as np
+from scipy.fft import irfft2, rfft2
 
 from .model import _ingredients
 from .ring import _ring_pixels, _ring_width
@@ -24,7 +25,7 @@ def _correlated_covariance(image, solution, i):
     one = slice(i, i + 1)
     ellipse, level, contrast = solution.ellipse[one], *solution.levels[i]
     pixels, disc = _ring_pixels(image, ellipse, _ring_width(solution.log_s[one]))
-    rows = _ingredients(pixels, ellipse[disc], solution.log_s[one][disc]).swapaxes(0, 1).reshape(9, -1)
+    rows = _ingredients(pixels, ellipse[disc], solution.log_s[one][disc]).reshape(9, -1)
     used = pixels.used.ravel() > 0
     residuals = (rows[8] - (level - pixels.level[0]) * rows[6] - contrast * rows[7])[used]
     slopes = (rows[:8] * np.where(np.arange(8) < 6, contrast, 1.0)[:, None])[:, used]
@@ -61,17 +62,26 @@ def _on_grid(places, values):
 
 
 def _middle(residuals, slopes, there):
-    """The sum over pairs of pixels of J_p rho(p - q) J_q^T (8, 8), from images of residuals, J and the ring."""
-    rho = _autocorrelation(residuals, there)
-    spread = np.stack([cv2.filter2D(one, cv2.CV_64F, rho, borderType=cv2.BORDER_CONSTANT) for one in slopes])
-    flat = slopes.reshape(8, -1)
-    return flat @ spread.reshape(8, -1).T
+    """The sum over pairs of pixels of J_p rho(p - q) J_q^T (8, 8), from images of residuals, J and the ring.
+
+    By frequencies: the spectrum of rho weighs the products of the spectra of J.
+    """
+    size = [cv2.getOptimalDFTSize(side + REACH) for side in residuals.shape]
+    rho = np.zeros(size)
+    lags = np.arange(-REACH, REACH + 1)
+    rho[np.ix_(lags, lags)] = _autocorrelation(residuals, there)
+    spectra = rfft2(slopes, size).reshape(8, -1)
+    weights = rfft2(rho).real
+    weights[:, 1 : (size[1] + 1) // 2] *= 2  # for the frequencies that are left out, which mirror these
+    parts = np.concatenate([spectra.real, spectra.imag], axis=1)
+    weights = np.tile(weights.ravel(), 2) / (size[0] * size[1])
+    return (parts * weights) @ parts.T
 
 
 def _autocorrelation(residuals, there):
     """Autocorrelation (2 REACH + 1, 2 REACH + 1) of the residuals on the ring, 0 where it is not significant."""
     size = [cv2.getOptimalDFTSize(side + REACH) for side in residuals.shape]
-    products, pairs = (np.fft.irfft2(np.abs(np.fft.rfft2(grid, size)) ** 2, size) for grid in (residuals, there))
+    products, pairs = (irfft2(np.abs(rfft2(grid, size)) ** 2, size) for grid in (residuals, there))
     lags = np.arange(-REACH, REACH + 1)
     near = np.ix_(lags, lags)
     pairs = np.maximum(np.rint(pairs[near]), 1)

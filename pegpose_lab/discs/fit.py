@@ -75,11 +75,12 @@ def _least_squares(pixels, disc, ellipse, log_s):
 
     Returns a `_Solution` and where the equations are singular.
     """
-    firsts = np.searchsorted(disc, np.arange(len(log_s)))
-    solution, residuals, singular = _gauss_newton(pixels, disc, firsts, ellipse, log_s)
-    solution.levels[:, 0] += pixels.level[firsts]
-    for i, (first, m) in enumerate(zip((firsts * CHUNK).tolist(), solution.count.astype(int).tolist(), strict=True)):
-        rest = residuals[first : first + m]
+    ends = np.searchsorted(disc, np.arange(len(log_s)), side="right")
+    parts = [slice(*span) for span in zip([0, *(CHUNK * ends[:-1])], CHUNK * ends, strict=True)]
+    solution, residuals, singular = _gauss_newton(pixels, disc, parts, ellipse, log_s)
+    solution.levels[:, 0] += pixels.level[ends - 1]
+    for i, (part, m) in enumerate(zip(parts, solution.count.astype(int).tolist(), strict=True)):
+        rest = residuals[part][:m]
         solution.squares[i] = _sum_of_squares(rest)
         solution.rough[i] = _residual_noise(rest, 1)
         far = _residual_noise(rest, FAR)
@@ -87,22 +88,22 @@ def _least_squares(pixels, disc, ellipse, log_s):
     return solution, singular
 
 
-def _gauss_newton(pixels, disc, firsts, ellipse, log_s):
+def _gauss_newton(pixels, disc, parts, ellipse, log_s):
     """Gauss-Newton with halved steps, n discs at once; B and A are solved for in every step.
 
     A disc is done when the next step moves nothing by more than SMALL_STEP: it is taken (the rest of the way is of
     second order, no more than that squared), unless it was tried and does not improve the fit.  Returns also the
     residuals of the pixels, and where the equations are singular.
     """
-    n, residuals = len(log_s), np.empty(pixels.x.shape, np.float32)
+    n, residuals = len(log_s), np.empty(pixels.x.size, np.float32)
     count = np.bincount(disc, pixels.used.sum(axis=1, dtype=float), n)
     best, step, fraction = None, np.zeros((n, 6)), np.ones(n)
     done, singular = np.zeros((2, n), bool)
     for _ in range(MAX_STEPS):
         tried = fraction[:, None] * step
         trial, trial_s = ellipse.moved(*tried[:, :5].T), np.clip(log_s + tried[:, 5], -1.5, 2.0)
-        rows = _ingredients(pixels, trial[disc], trial_s[disc])
-        moments = np.add.reduceat(rows @ rows.swapaxes(1, 2), firsts, axis=0)
+        layers = _ingredients(pixels, trial[disc], trial_s[disc]).reshape(9, -1)
+        moments = np.array([layers[:, part] @ layers[:, part].T for part in parts])
         found, combination, scale, new_step, gain, bad = _solve_rows(moments, trial, trial_s, count)
         if best is None:
             best, better = found, np.ones(n, bool)
@@ -117,14 +118,14 @@ def _gauss_newton(pixels, disc, firsts, ellipse, log_s):
         if last.any():
             best.update(last, _after_last_step(_rows(best, last), new_step[last], gain[last]))
         combination[last, :8] -= new_step[last] * scale[last]
-        some = better[disc]
-        residuals[some] = (combination[disc[some], None] @ rows[some])[:, 0]
+        for i in np.flatnonzero(better):
+            residuals[parts[i]] = combination[i] @ layers[:, parts[i]]
         done |= last | singular
         if done.all():
             break
         step = _limited(step, ellipse)
     best.converged[:] = done
-    return best, residuals.ravel(), singular
+    return best, residuals, singular
 
 
 def _rows(solution, rows):

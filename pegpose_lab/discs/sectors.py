@@ -1,7 +1,7 @@
 """Rings in angular sectors, each with levels of its own where it does not fit the common ones.
 
 The sectors of all discs stand in one row (K,), disc by disc, so that their number may differ from disc to disc.
-Sums of products of the rows of `_ingredients` (11, 11, K) are in the order of `_ORDER`: Phi's derivatives by x, y, r, p, q,
+Sums of products of the layers of `_ingredients` (11, 11, K) are in the order of `_ORDER`: Phi's derivatives by x, y, r, p, q,
 log s, the grey values, 1, Phi, the distance and the distance times Phi.
 """
 
@@ -98,6 +98,7 @@ def _directions(k):
 
 
 _ORDER = np.array([0, 1, 2, 3, 4, 5, 8, 6, 7, 9, 10])
+_PAIRS = (11 * _ORDER[:, None] + _ORDER).ravel()
 _GREY, _ONE, _PHI = 6, 7, 8
 
 
@@ -110,9 +111,9 @@ def _set_moments(moments, sectors, ellipse, log_s, discs):
         if not some.all():
             rows, pixels = rows[some], pixels.some(some)
         disc = sectors.disc[rows]
-        values = _ingredients(pixels, ellipse[disc], log_s[disc], extra=2)
-        sums = values @ values.transpose(0, 2, 1)
-        moments[:, :, rows] = sums.transpose(1, 2, 0)[_ORDER[:, None], _ORDER]
+        layers = _ingredients(pixels, ellipse[disc], log_s[disc], extra=2).transpose(1, 0, 2)
+        sums = (layers @ layers.transpose(0, 2, 1)).reshape(len(rows), -1)
+        moments.reshape(121, -1)[:, rows] = sums.T[_PAIRS]
 
 
 def _shift_moments(moments, steps):
