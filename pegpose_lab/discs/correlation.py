@@ -56,7 +56,7 @@ def _at_least(matrix, least):
 def _on_grid(places, values):
     """An image (..., h, w) of the values (..., m) of the pixels at `places`, columns and rows, 0 elsewhere."""
     columns, rows = (axis - axis.min() for axis in places)
-    grid = np.zeros((*values.shape[:-1], rows.max() + 1, columns.max() + 1))
+    grid = np.zeros((*values.shape[:-1], rows.max() + 1, columns.max() + 1), np.float32)
     grid[..., rows, columns] = values
     return grid
 
@@ -67,7 +67,7 @@ def _middle(residuals, slopes, there):
     By frequencies: the spectrum of rho weighs the products of the spectra of J.
     """
     size = [cv2.getOptimalDFTSize(side + REACH) for side in residuals.shape]
-    rho = np.zeros(size)
+    rho = np.zeros(size, np.float32)
     lags = np.arange(-REACH, REACH + 1)
     rho[np.ix_(lags, lags)] = _autocorrelation(residuals, there)
     spectra = rfft2(slopes, size).reshape(8, -1)

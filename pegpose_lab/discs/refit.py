@@ -60,7 +60,7 @@ def _refit(shape, sectors, log_s, contrast, noise):
 
     The pixels are looked at again when the edge has moved by SMALL_STEP; up to there Phi follows by its derivatives.
     """
-    start, disc, count, spans = sectors.ellipse, sectors.disc, sectors.count, sectors.spans
+    start, disc, count = sectors.ellipse, sectors.disc, sectors.count
     n, limit = len(noise), 1 + SECTOR_SIGMAS * np.sqrt(2 / np.maximum(sectors.count - 4, 1))
     result = _Refit(start[np.arange(n)], log_s.copy(), np.zeros((n, 5, 5)), np.zeros(n), np.full(n, "", object))
     held = (np.hypot(noise, TOLERATED * contrast) / (UNEVEN * np.maximum(np.abs(contrast), 1e-3)))[:, None] ** 2 * _HELD
@@ -77,13 +77,14 @@ def _refit(shape, sectors, log_s, contrast, noise):
         free = _own_levels(moments, count, noise[disc])
         reset = number <= alone
         if reset.any():
-            levels[reset, 0], levels[reset, 3] = _medians(free.level, spans)[reset], _medians(free.contrast, spans)[reset]
+            levels[reset, 0] = sectors.medians(free.level)[reset]
+            levels[reset, 3] = sectors.medians(free.contrast)[reset]
         level, step_up = _common_levels(levels, sectors)
         shared = _same_chi2(moments, level, step_up, count, noise[disc])
         if number < FREEZE:
             needed = (shared * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared > limit)
             own = np.where((number >= alone)[disc], needed, own)
-        fits = _share_that_fits(free, limit, contrast[disc], _medians(free.chi2, spans)[disc])
+        fits = _share_that_fits(free, limit, contrast[disc], sectors.medians(free.chi2)[disc])
         visible = np.bincount(disc, np.where(own, fits, 1), n) / np.bincount(disc, minlength=n)
         hidden = active & (visible < MIN_VISIBLE)
         weights = np.where(hidden[disc] | ~own, 1, OWN_WEIGHT * fits)
@@ -102,11 +103,11 @@ def _refit(shape, sectors, log_s, contrast, noise):
             chi2 = np.where(own, free.chi2, shared)
             known = np.where(own, 0, np.maximum(chi2, tolerated))
             middle = _common_normal(moments, levels, sectors, known)[:, :12, :12] + held[:, :, None] * np.eye(12)
-            own_noise = _own_sums(weights**2 * free.contrast**2 * chi2 * own, free, sectors)
+            own_noise = _own_sums((weights**2 * free.contrast**2 * chi2 * own)[None], free, sectors)[:, 0, :, :6]
             displaced, slopes = _radial_scores(moments, *_common_levels(levels, sectors), free, own, weights)
             information = slopes * np.where(own, weights**2 * chi2, known) * noise[disc] ** 2
             for i in np.flatnonzero(last):
-                part, variance = slice(*spans[i]), noise[i] ** 2
+                part, variance = sectors.spans[i], noise[i] ** 2
                 excess = _excess(displaced[None, part], information[None, part])[0]
                 both = variance * middle[i], variance * own_noise[i]
                 result.covariance[i] = _stated(normal[i], *both, scores[:, part], excess)
@@ -123,11 +124,6 @@ def _refit(shape, sectors, log_s, contrast, noise):
     result.reasons[active] = "does not converge"
     result.reasons[(result.reasons == "") & ~_inside(result.ellipse, shape)] = "leaves the image"
     return result
-
-
-def _medians(values, spans):
-    """The median (n,) of each disc's sectors."""
-    return np.array([np.median(values[first:end]) for first, end in spans])
 
 
 def _stated(normal, shared_noise, own_noise, scores, excess):

@@ -26,19 +26,21 @@ LEAST_RADIUS = 9.5  # px, of a disc that is fitted by sectors: the fewest there 
 @dataclass
 class _Sectors:
     """The pixels of n rings in K angular sectors: the ellipses they lie around, the disc (K,) of each sector, its number of
-    pixels (K,), 1, cos t and sin t (3, K) of its direction t, and the pixels of those (rows) that are equally long."""
+    pixels (K,), 1, cos t and sin t (3, K) of its direction t, which sectors each disc has (slices), and the pixels of
+    those (rows) that are equally long."""
 
     ellipse: _Ellipse
     disc: np.ndarray
     count: np.ndarray
     around: np.ndarray
+    spans: list
     parts: list
 
-    @property
-    def spans(self):
-        """First and last but one sector of each disc."""
-        ends = np.cumsum(np.bincount(self.disc, minlength=len(self.ellipse.r))).tolist()
-        return list(zip([0, *ends], ends, strict=False))
+    def medians(self, values):
+        """The median (n,) of each disc's sectors of values (K,): their number is even."""
+        ranked = values[np.lexsort((values, self.disc))]
+        middle = [(span.start + span.stop) // 2 for span in self.spans]
+        return (ranked[middle] + ranked[[i - 1 for i in middle]]) / 2
 
 
 def _sectors(image, ellipses):
@@ -64,7 +66,8 @@ def _sectors(image, ellipses):
     order = np.argsort(sector.astype(np.uint16 if firsts[-1] < 65_000 else np.int64), kind="stable")
     disc, count = np.repeat(np.arange(n), numbers), np.bincount(sector, minlength=numbers.sum())
     around = np.concatenate([_directions(number) for number in numbers], axis=1)
-    return _Sectors(ellipses, disc, count, around, _rows_of(ellipses, disc, count, sector, order, pixels))
+    spans = [slice(first, first + number) for first, number in zip(firsts.tolist(), numbers.tolist(), strict=True)]
+    return _Sectors(ellipses, disc, count, around, spans, _rows_of(ellipses, disc, count, sector, order, pixels))
 
 
 def _rows_of(ellipses, disc, count, sector, order, pixels):
@@ -167,7 +170,7 @@ _HELD = np.array([0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 1])  # the levels' changes wi
 
 def _sums(values, weights, spans):
     """Sums (n, w, v) over each disc's sectors of values (v, K) with weights (w, K)."""
-    return np.array([weights[:, first:end] @ values[:, first:end].T for first, end in spans])
+    return np.array([weights[:, span] @ values[:, span].T for span in spans])
 
 
 def _common_normal(moments, levels, sectors, weights):
@@ -180,32 +183,35 @@ def _common_normal(moments, levels, sectors, weights):
     pairs = (around[:, None] * around).reshape(9, k) * weights
     sums = _sums(moments[:9, :9].reshape(81, k), pairs, sectors.spans)
     sums = sums.reshape(-1, 3, 3, 9, 9).swapaxes(2, 3).reshape(-1, 27, 27)
-    change, harmonics = np.zeros((len(levels), 13, 3, 9)), np.arange(3)
-    for derivative in range(6):
-        change[:, derivative, :, derivative] = levels[:, 3:]
-    change[:, 6 + harmonics, harmonics, _ONE] = change[:, 9 + harmonics, harmonics, _PHI] = 1
-    change[:, 12, 0, _GREY] = 1
+    change = np.repeat(_BY_SUMS, len(levels), axis=0)
+    change[:, _SIX, :, _SIX] = levels[:, 3:]
     change[:, 12, :, _ONE], change[:, 12, :, _PHI] = -levels[:, :3], -levels[:, 3:]
     change = change.reshape(-1, 13, 27)
     return change @ sums @ change.swapaxes(1, 2)
 
 
+_SIX = np.arange(6)
+_BY_SUMS = np.zeros((1, 13, 3, 9))  # the derivatives by the levels, and the grey values
+_BY_SUMS[:, 6 + np.arange(3), np.arange(3), _ONE] = _BY_SUMS[:, 9 + np.arange(3), np.arange(3), _PHI] = 1
+_BY_SUMS[:, 12, 0, _GREY] = 1
+
+
 def _sector_equations(moments, levels, sectors, held, free, own, weights):
     """Normal equations of x, y, r, p, q, log s and the six levels: matrices (n, 12, 12), gradients (n, 12), and the
     part (6, K) of these that each sector with levels of its own contributes."""
-    alone = np.where(own, weights, 0)
-    scores = alone * free.contrast * free.left[:6, _GREY]
+    alone = np.where(own, weights, 0) * free.contrast
     normal = _common_normal(moments, levels, sectors, np.where(own, 0, 1.0)) + 1e-9 * np.eye(13)
     normal[:, range(12), range(12)] += held
     normal[:, 6:12, 12] -= held[:, 6:] * levels
-    normal[:, :6, :6] += _own_sums(alone * free.contrast**2, free, sectors)
-    normal[:, :6, 12] += _sums(scores, np.ones((1, len(own))), sectors.spans)[:, 0]
-    return normal[:, :12, :12], normal[:, :12, 12], scores
+    sums = _own_sums(np.stack([alone * free.contrast, alone]), free, sectors)
+    normal[:, :6, :6] += sums[:, 0, :, :6]
+    normal[:, :6, 12] += sums[:, 1, :, _GREY]
+    return normal[:, :12, :12], normal[:, :12, 12], alone * free.left[:6, _GREY]
 
 
 def _own_sums(weights, free, sectors):
-    """Sums (n, 6, 6) over each disc's sectors of what is left of the derivatives' products, with weights (K,)."""
-    return _sums(free.left[:6, :6].reshape(36, -1), weights[None], sectors.spans).reshape(-1, 6, 6)
+    """Sums (n, w, 6, 7) over each disc's sectors of what is left of the derivatives' products, with weights (w, K)."""
+    return _sums(free.left[:6].reshape(42, -1), weights, sectors.spans).reshape(len(sectors.spans), -1, 6, 7)
 
 
 def _radial_scores(moments, level, contrast, free, own, weights):
