@@ -35,7 +35,10 @@ def _motion(image, centers, radii, signs):
     arms = before - middle
     a = (arms.conj() @ (found - goal)) / max(float((np.abs(arms) ** 2).sum()), 1e-12)
     apart = np.abs(a * arms + goal - found)
-    if abs(np.log(max(abs(a), 1e-9))) > np.log(LARGEST_ZOOM) or (apart > np.maximum(TOGETHER * radii, LEAST_APART)).any():
+    if (
+        abs(np.log(max(abs(a), 1e-9))) > np.log(LARGEST_ZOOM)
+        or (apart > np.maximum(TOGETHER * radii, LEAST_APART)).any()
+    ):
         return None
     return a, goal - a * middle
 
