@@ -17,6 +17,8 @@ shape is a symmetric traceless matrix m (cos 2 angle, sin 2 angle; sin 2 angle, 
 with semi-axes r exp(+-m): unlike axes and angle it is regular for a perfect circle.
 """
 
+import threading
+
 import numpy as np
 from scipy.special import ndtr
 
@@ -29,7 +31,7 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
     With w = S (X - c), S = diag(e^-m, e^m) R^T, the ellipse is |w| = r; the distance is
     (r - |w|) / |S^T w / |w||, exact for circles and in error by (d^2/r) O(m^2) for ellipses.  Two more layers, if
     `extra` is 2: the distance, and the distance times Phi.  All in float32; Phi and its derivative from
-    tables, which every processor reads alike.
+    tables, which every processor reads alike.  The layers are overwritten by the next call in the same thread.
     """
     shrink, grow, cos, sin = np.exp(-ellipse.m), np.exp(ellipse.m), np.cos(ellipse.angle), np.sin(ellipse.angle)
     column = np.empty((9, len(ellipse.r), 1), np.float32)
@@ -45,7 +47,7 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
         0.5 * np.exp(log_s) / ellipse.r,
     )
     cx, cy, ux, uy, vy, vx, r, per_s, bend = column
-    layers = np.empty((9 + extra, *pixels.x.shape))
+    layers = _layers((9 + extra, *pixels.x.shape))
     dx, dy = pixels.x - cx, pixels.y - cy
     u, v = dx * ux, dy * vy
     u += dy * uy
@@ -89,6 +91,20 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
         np.multiply(short, steep, out=layers[9])
         np.multiply(layers[9], layers[7], out=layers[10])
     return layers
+
+
+_KEPT = threading.local()
+MOST_KEPT = 1_000_000  # numbers: fresh memory takes the system longer than the arithmetic, but is not kept for large fits
+
+
+def _layers(shape):
+    """An array of that shape, in the memory of the last one where that is large enough."""
+    size = int(np.prod(shape))
+    if size > MOST_KEPT:
+        return np.empty(shape)
+    if getattr(_KEPT, "memory", None) is None:
+        _KEPT.memory = np.empty(MOST_KEPT)
+    return _KEPT.memory[:size].reshape(shape)
 
 
 def _cells(z):

@@ -51,23 +51,25 @@ def _sectors(image, ellipses):
     """
     n = len(ellipses.r)
     numbers = N_SECTORS[np.abs(np.log(N_SECTORS * SECTOR_LENGTH / (2 * np.pi * ellipses.r[:, None]))).argmin(axis=1)]
-    rings = [_ring_indices(ellipses[i], image.shape) for i in range(n)]
-    sizes = np.array([len(ring[0]) for ring in rings])
-    columns, rows = (np.concatenate([ring[axis] for ring in rings]) for axis in (0, 1))
-    owner = np.repeat(np.arange(n), sizes)
-    x, y = (columns - ellipses.x[owner]).astype(np.float32), (rows - ellipses.y[owner]).astype(np.float32)
-    turn = cv2.phase(x, y).ravel() / np.float32(2 * np.pi) + np.float32(0.5)
-    local = (turn % 1 * numbers[owner].astype(np.float32)).astype(np.int32)
     firsts = np.cumsum(numbers) - numbers
-    sector = np.minimum(local, numbers[owner] - 1) + firsts[owner]
-    grey = image.ravel().take(rows * image.shape[1] + columns)
-    mean = np.bincount(owner, grey, n) / np.maximum(sizes, 1)
-    pixels = x, y, (grey - mean[owner]).astype(np.float32)
-    order = np.argsort(sector.astype(np.uint16 if firsts[-1] < 65_000 else np.int64), kind="stable")
+    rings = [_ring(image, ellipses[i], int(numbers[i]), int(firsts[i])) for i in range(n)]
+    sector, *pixels = (np.concatenate(values) for values in zip(*rings, strict=True))
+    order = np.argsort(sector, kind="stable")
     disc, count = np.repeat(np.arange(n), numbers), np.bincount(sector, minlength=numbers.sum())
     around = np.concatenate([_directions(number) for number in numbers], axis=1)
     spans = [slice(first, first + number) for first, number in zip(firsts.tolist(), numbers.tolist(), strict=True)]
     return _Sectors(ellipses, disc, count, around, spans, _rows_of(ellipses, disc, count, sector, order, pixels))
+
+
+def _ring(image, ellipse, number, first):
+    """The sectors (m,) of the pixels of a ring, counted from `first`; their x and y from the ellipse's centre, and their
+    values from their mean, float32."""
+    columns, rows = _ring_indices(ellipse, image.shape)
+    x, y = (columns - ellipse.x).astype(np.float32), (rows - ellipse.y).astype(np.float32)
+    turn = cv2.phase(x, y).ravel() * np.float32(number / (2 * np.pi)) + np.float32(number / 2)  # from the direction -x
+    sector = np.where(turn >= number, turn - np.float32(number), turn).astype(np.int32)
+    grey = image.ravel().take(rows * image.shape[1] + columns).astype(np.float32)
+    return np.minimum(sector, number - 1) + np.int32(first), x, y, grey - (grey.mean() if len(grey) else 0)
 
 
 def _rows_of(ellipses, disc, count, sector, order, pixels):
@@ -76,7 +78,7 @@ def _rows_of(ellipses, disc, count, sector, order, pixels):
     np.maximum.at(longest, disc, count)
     lengths = np.maximum(-(-longest // LONGER_ROW) * LONGER_ROW, SECTOR_ROW)[disc]
     sector = sector[order]
-    place = np.arange(len(sector)) - (np.cumsum(count) - count)[sector]
+    place = np.arange(len(sector)) - np.repeat(np.cumsum(count) - count, count)
     parts = []
     for length in np.unique(lengths):
         rows = np.flatnonzero(lengths == length)

@@ -73,6 +73,16 @@ def _field_near(image, centers, reaches):
     return _Field(gradient, _weak(parts))
 
 
+def _fields_beside(parts):
+    """The gradient field of parts of a picture, side by side, and where (k, 2) each begins."""
+    widths = np.array([part.shape[1] for part in parts])
+    steps = np.column_stack([np.cumsum(widths) - widths, np.zeros(len(parts), int)])
+    gradient = np.zeros((max(part.shape[0] for part in parts), widths.sum(), 2), np.float32)
+    for part, (left, _) in zip(parts, steps.tolist(), strict=True):
+        gradient[: part.shape[0], left : left + part.shape[1]] = _gradient(part)
+    return _Field(gradient, _weak(parts)), steps
+
+
 def _gradient(image):
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), SMOOTHING)
     return cv2.merge([cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))])

@@ -8,7 +8,7 @@ import numpy as np
 from ..checks import DetectionError, Flag
 from ..discs import fit_discs
 from .candidates import _as_circles
-from .edges import _ellipses, _field, _rims, _visible
+from .edges import _ellipses, _fields_beside, _rims, _visible
 from .plane import _images
 from .rings import RADIUS_TOLERANCE
 
@@ -134,18 +134,15 @@ def _measured_parts(image, located, hub, labelled_by, turns=None):
 
 
 def _visible_rims(image, centers, shapes):
-    """The visible shares (n,) of the pegs' rims, each in its own part of the image."""
-    shares = np.empty(len(centers))
-    for k, (center, shape) in enumerate(zip(centers, shapes, strict=True)):
-        reach = 1.3 * np.sqrt(np.linalg.eigvalsh(shape)[-1]) + 4
-        low = np.maximum(np.floor(center - reach), 0).astype(int)
-        high = np.ceil(center + reach).astype(int)
-        part = np.ascontiguousarray(image[low[1] : high[1], low[0] : high[0]])
-        root = np.linalg.cholesky(shape)
-        outlines = _ellipses((center - low)[None], root[None])
-        rims, _ = _rims(_field(part), outlines, np.ones(1), 2.5 / float(outlines.px.mean()))
-        shares[k] = _visible(rims, rims.offsets * outlines.px, 1.0)[0]
-    return shares
+    """The visible shares (n,) of the pegs' rims."""
+    reaches = 1.3 * np.sqrt(np.linalg.eigvalsh(shapes)[:, -1:]) + 4
+    lows = np.maximum(np.floor(centers - reaches), 0).astype(int)
+    highs = np.ceil(centers + reaches).astype(int)
+    parts = [image[y0:y1, x0:x1] for (x0, y0), (x1, y1) in zip(lows.tolist(), highs.tolist(), strict=True)]
+    field, steps = _fields_beside(parts)
+    outlines = _ellipses(centers - lows + steps, np.linalg.cholesky(shapes))
+    rims, _ = _rims(field, outlines, np.ones(len(centers)), 2.5 / float(outlines.px.mean()))
+    return _visible(rims, rims.offsets * outlines.px, 1.0)
 
 
 def _fit_parts(image, located):
