@@ -94,7 +94,9 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
 
 
 _KEPT = threading.local()
-MOST_KEPT = 1_000_000  # numbers: fresh memory takes the system longer than the arithmetic, but is not kept for large fits
+MOST_KEPT = (
+    1_000_000  # numbers: fresh memory takes the system longer than the arithmetic, but is not kept for large fits
+)
 
 
 def _layers(shape):

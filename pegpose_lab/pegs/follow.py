@@ -5,7 +5,9 @@ import numpy as np
 from ..checks import DetectionError
 from .labels import _screws_look_alike
 from .measure import PegObservation, _measured_parts
-from .moved import _motion
+from .moved import _disc_near, _motion
+
+SCREW_REACH = 0.5  # of a screw's radius: how far it may lie from where the pegs' motion takes it
 
 
 def _followed_hub(image, hub, previous):
@@ -23,6 +25,11 @@ def _followed_hub(image, hub, previous):
     places = a * (np.vstack([previous.peg_centers, previous.bore_center, previous.screw_centers]) @ (1, 1j)) + b
     radii = abs(a) * np.concatenate([previous.peg_radii, [previous.bore_radius], previous.screw_radii])
     located = np.column_stack([places.real, places.imag, radii])
+    for screw in located[
+        hub.n_pegs + 1 :
+    ]:  # small, and deeper than the pegs: they may move otherwise by a part of a radius
+        place = _disc_near(image, screw[:2], screw[2], 1, SCREW_REACH)
+        screw[:2] = screw[:2] if place is None else (place.real, place.imag)
     alike = sum(_screws_look_alike(shift, hub) for shift in range(hub.n_pegs))
     try:
         observation = _measured_parts(image, located, hub, "mark" if alike == 1 else "previous frame")

@@ -22,7 +22,7 @@ def _motion(image, centers, radii, signs):
     ----------
     image : (height, width) uint8
     centers, radii, signs : (n, 2), (n,), (n,)
-        Of the frame before, px; +1 for a disc that is brighter than its ground, -1 for a darker one.
+        Of the frame before, px; +1 for a disc that is brighter than its ground, -1 for a darker one, 0 for either.
     """
     found = np.empty(len(centers), complex)
     for k, (center, radius, sign) in enumerate(zip(centers, radii, signs, strict=True)):
@@ -43,21 +43,25 @@ def _motion(image, centers, radii, signs):
     return a, goal - a * middle
 
 
-def _disc_near(image, center, radius, sign):
-    """The place x + i y of the disc of that radius near a place, to a part of a reduced pixel; None if there is none."""
+def _disc_near(image, center, radius, sign, reach=REACH):
+    """The place x + i y of the disc of that radius within `reach` radii of a place, to a part of a reduced pixel.
+
+    None if there is none.
+    """
     step = max(radius / SMALL, 1.0)
-    half = int(np.ceil((1 + RIM + REACH) * radius / step)) + 1  # of the window, reduced px
+    half = int(np.ceil((1 + RIM + reach) * radius / step)) + 1  # of the window, reduced px
     low = np.rint(center).astype(int) - int(np.ceil(half * step))
     size = 2 * half + 1
     left, top = np.maximum(low, 0)
     part = image[top : low[1] + int(size * step) + 1, left : low[0] + int(size * step) + 1]
     if min(part.shape) < 2 * radius:
         return None
-    small = cv2.resize(part, None, fx=1 / step, fy=1 / step, interpolation=cv2.INTER_AREA)
-    template = _template(round(radius / step, 1)) * np.float32(sign)
+    small = cv2.resize(part, [round(side / step) for side in part.shape[::-1]], interpolation=cv2.INTER_AREA)
+    template = _template(round(radius / step, 1))
     if min(small.shape) < len(template):
         return None
     match = cv2.matchTemplate(small.astype(np.float32), template, cv2.TM_CCOEFF_NORMED)
+    match = match * np.float32(sign) if sign else np.abs(match)
     _, best, _, (column, row) = cv2.minMaxLoc(match)
     if best < LEAST_MATCH:
         return None
