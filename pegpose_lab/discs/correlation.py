@@ -10,6 +10,7 @@ than REACH show in the `spectrum` of the edge's displacements; the larger of the
 
 import cv2
 import numpy as np
+from scipy.fft import irfft2, rfft2
 
 from .model import _ingredients
 from .ring import _ring_pixels, _ring_width
@@ -23,17 +24,18 @@ def _correlated_covariance(image, solution, i):
     """Covariance (5, 5) of x, y, r, p, q of disc i of a `_Solution`, from the residuals of its ring."""
     one = slice(i, i + 1)
     ellipse, level, contrast = solution.ellipse[one], *solution.levels[i]
-    pixels = _ring_pixels(image, ellipse, _ring_width(solution.log_s[one]))
-    rows, used = _ingredients(pixels, ellipse, solution.log_s[one])[0], pixels.used[0] > 0
+    pixels, disc = _ring_pixels(image, ellipse, _ring_width(solution.log_s[one]))
+    rows = _ingredients(pixels, ellipse[disc], solution.log_s[one][disc]).reshape(9, -1)
+    used = pixels.used.ravel() > 0
     residuals = (rows[8] - (level - pixels.level[0]) * rows[6] - contrast * rows[7])[used]
     slopes = (rows[:8] * np.where(np.arange(8) < 6, contrast, 1.0)[:, None])[:, used]
     variance = residuals @ residuals / max(len(residuals) - 8, 1)
-    places = [np.rint(axis[0, used]).astype(int) for axis in (pixels.x, pixels.y)]
+    places = [np.rint(axis.ravel()[used]).astype(int) for axis in (pixels.x, pixels.y)]
     grids = (_on_grid(places, values) for values in (residuals, slopes, np.ones(len(residuals))))
     normal, bread = slopes @ slopes.T, np.linalg.inv(solution.normal[i])
     middle = _at_least(_middle(*grids), normal) * variance
     white, correlated = ((bread @ matrix @ bread)[:5, :5] for matrix in (variance * normal, middle))
-    part, radial = _parts(pixels, ellipse)[0, used], slopes[2]
+    part, radial = _parts(pixels, ellipse).ravel()[used], slopes[2]
     scores, information = (np.bincount(part, weights, PARTS)[None] for weights in (radial * residuals, radial**2))
     displaced = white * _excess(scores, information * variance)
     return max(correlated, displaced, key=lambda matrix: matrix[0, 0] + matrix[1, 1])
@@ -54,23 +56,32 @@ def _at_least(matrix, least):
 def _on_grid(places, values):
     """An image (..., h, w) of the values (..., m) of the pixels at `places`, columns and rows, 0 elsewhere."""
     columns, rows = (axis - axis.min() for axis in places)
-    grid = np.zeros((*values.shape[:-1], rows.max() + 1, columns.max() + 1))
+    grid = np.zeros((*values.shape[:-1], rows.max() + 1, columns.max() + 1), np.float32)
     grid[..., rows, columns] = values
     return grid
 
 
 def _middle(residuals, slopes, there):
-    """The sum over pairs of pixels of J_p rho(p - q) J_q^T (8, 8), from images of residuals, J and the ring."""
-    rho = _autocorrelation(residuals, there)
-    spread = np.stack([cv2.filter2D(one, cv2.CV_64F, rho, borderType=cv2.BORDER_CONSTANT) for one in slopes])
-    flat = slopes.reshape(8, -1)
-    return flat @ spread.reshape(8, -1).T
+    """The sum over pairs of pixels of J_p rho(p - q) J_q^T (8, 8), from images of residuals, J and the ring.
+
+    By frequencies: the spectrum of rho weighs the products of the spectra of J.
+    """
+    size = [cv2.getOptimalDFTSize(side + REACH) for side in residuals.shape]
+    rho = np.zeros(size, np.float32)
+    lags = np.arange(-REACH, REACH + 1)
+    rho[np.ix_(lags, lags)] = _autocorrelation(residuals, there)
+    spectra = rfft2(slopes, size).reshape(8, -1)
+    weights = rfft2(rho).real
+    weights[:, 1 : (size[1] + 1) // 2] *= 2  # for the frequencies that are left out, which mirror these
+    parts = np.concatenate([spectra.real, spectra.imag], axis=1)
+    weights = np.tile(weights.ravel(), 2) / (size[0] * size[1])
+    return (parts * weights) @ parts.T
 
 
 def _autocorrelation(residuals, there):
     """Autocorrelation (2 REACH + 1, 2 REACH + 1) of the residuals on the ring, 0 where it is not significant."""
     size = [cv2.getOptimalDFTSize(side + REACH) for side in residuals.shape]
-    products, pairs = (np.fft.irfft2(np.abs(np.fft.rfft2(grid, size)) ** 2, size) for grid in (residuals, there))
+    products, pairs = (irfft2(np.abs(rfft2(grid, size)) ** 2, size) for grid in (residuals, there))
     lags = np.arange(-REACH, REACH + 1)
     near = np.ix_(lags, lags)
     pairs = np.maximum(np.rint(pairs[near]), 1)

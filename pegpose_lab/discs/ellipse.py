@@ -74,3 +74,10 @@ def _limited(step, ellipse):
     """Steps (..., 6) shortened so that no part of the edge moves by more than 2 px and s by more than half."""
     size = np.abs(step[..., :3]).max(axis=-1) / 2, np.abs(step[..., 3:5]).max(axis=-1) * ellipse.r / 2
     return step / np.maximum(np.maximum(*size), np.maximum(np.abs(step[..., 5]) / 0.7, 1.0))[..., None]
+
+
+def _choose(where, first, second):
+    """The first ellipses where that is said, else the second."""
+    return _Ellipse(
+        *(np.where(where, getattr(first, name), getattr(second, name)) for name in ("x", "y", "r", "m", "angle"))
+    )

@@ -51,7 +51,7 @@ def _settle(image, ellipses):
     todo = np.flatnonzero(reasons == "")
     for _ in range(MAX_RINGS if len(todo) else 0):
         widths = _ring_width(log_s[todo])
-        found, singular = _least_squares(_ring_pixels(image, ellipse[todo], widths), ellipse[todo], log_s[todo])
+        found, singular = _least_squares(*_ring_pixels(image, ellipse[todo], widths), ellipse[todo], log_s[todo])
         moved = _distance(ellipse[todo], found.ellipse)
         solution.update(todo, found)
         reasons[todo[singular]] = "no edge"
@@ -70,34 +70,41 @@ def _is_wide(solution):
     return (_ring_width(solution.log_s) > RING) & (_variance(solution) < WIDE_CHI2 * solution.noise**2)
 
 
-def _least_squares(pixels, ellipse, log_s):
-    """Gauss-Newton over ellipse, log s and the levels.  Returns a `_Solution` and where the equations are singular."""
-    solution, residuals, singular = _gauss_newton(pixels, ellipse, log_s)
-    solution.levels[:, 0] += pixels.level
-    for i, m in enumerate(solution.count.astype(int)):
-        solution.squares[i] = _sum_of_squares(residuals[i, :m])
-        solution.rough[i] = _residual_noise(residuals[i, :m], 1)
-        far = _residual_noise(residuals[i, :m], FAR)
+def _least_squares(pixels, disc, ellipse, log_s):
+    """Gauss-Newton over ellipse, log s and the levels; row k of the pixels belongs to disc[k].
+
+    Returns a `_Solution` and where the equations are singular.
+    """
+    ends = np.searchsorted(disc, np.arange(len(log_s)), side="right")
+    parts = [slice(*span) for span in zip([0, *(CHUNK * ends[:-1])], CHUNK * ends, strict=True)]
+    solution, residuals, singular = _gauss_newton(pixels, disc, parts, ellipse, log_s)
+    solution.levels[:, 0] += pixels.level[ends - 1]
+    for i, (part, m) in enumerate(zip(parts, solution.count.astype(int).tolist(), strict=True)):
+        rest = residuals[part][:m]
+        solution.squares[i] = _sum_of_squares(rest)
+        solution.rough[i] = _residual_noise(rest, 1)
+        far = _residual_noise(rest, FAR)
         solution.noise[i] = far if _exceeds(far**2, solution.rough[i], m) else solution.rough[i]
     return solution, singular
 
 
-def _gauss_newton(pixels, ellipse, log_s):
+def _gauss_newton(pixels, disc, parts, ellipse, log_s):
     """Gauss-Newton with halved steps, n discs at once; B and A are solved for in every step.
 
     A disc is done when the next step moves nothing by more than SMALL_STEP: it is taken (the rest of the way is of
     second order, no more than that squared), unless it was tried and does not improve the fit.  Returns also the
     residuals of the pixels, and where the equations are singular.
     """
-    n, count, residuals = len(log_s), pixels.used.sum(axis=1, dtype=float), np.empty(pixels.x.shape, np.float32)
+    n, residuals = len(log_s), np.empty(pixels.x.size, np.float32)
+    count = np.bincount(disc, pixels.used.sum(axis=1, dtype=float), n)
     best, step, fraction = None, np.zeros((n, 6)), np.ones(n)
     done, singular = np.zeros((2, n), bool)
     for _ in range(MAX_STEPS):
         tried = fraction[:, None] * step
         trial, trial_s = ellipse.moved(*tried[:, :5].T), np.clip(log_s + tried[:, 5], -1.5, 2.0)
-        rows = _ingredients(pixels, trial, trial_s)
-        parts = rows.reshape(n, 9, -1, CHUNK).swapaxes(1, 2)
-        found, combination, scale, new_step, gain, bad = _solve_rows(parts, trial, trial_s, count)
+        layers = _ingredients(pixels, trial[disc], trial_s[disc]).reshape(9, -1)
+        moments = np.array([layers[:, part] @ layers[:, part].T for part in parts])
+        found, combination, scale, new_step, gain, bad = _solve_rows(moments, trial, trial_s, count)
         if best is None:
             best, better = found, np.ones(n, bool)
         else:
@@ -111,8 +118,8 @@ def _gauss_newton(pixels, ellipse, log_s):
         if last.any():
             best.update(last, _after_last_step(_rows(best, last), new_step[last], gain[last]))
         combination[last, :8] -= new_step[last] * scale[last]
-        rest = combination[better, None, None] @ (parts if better.all() else parts[better])
-        residuals[better] = rest.reshape(-1, residuals.shape[1])
+        for i in np.flatnonzero(better):
+            residuals[parts[i]] = combination[i] @ layers[:, parts[i]]
         done |= last | singular
         if done.all():
             break
@@ -142,11 +149,10 @@ def _after_last_step(solution, step, gain):
     )
 
 
-def _solve_rows(parts, ellipse, log_s, count):
-    """From `_ingredients` in chunks (n, c, 9, chunk): the solution; the residual as a linear combination (n, 9) of
+def _solve_rows(moments, ellipse, log_s, count):
+    """From the sums of products (n, 9, 9) of `_ingredients`: the solution; the residual as a linear combination (n, 9) of
     the ingredients; the next step (n, 8), how much it gains, and where it is undefined.
     """
-    moments = (parts @ parts.swapaxes(2, 3)).sum(axis=1)
     ones, mean, phi = moments[:, 6, 6], moments[:, 6, 7], moments[:, 7, 7]
     contrast = moments[:, 7, 8] - mean * moments[:, 6, 8] / ones
     contrast /= np.maximum(phi - mean**2 / ones, 1e-12)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .correlation import _correlated_covariance
-from .ellipse import _distance, _Ellipse
+from .ellipse import _choose, _distance, _Ellipse
 from .fit import _exceeds, _is_wide, _settle, _variance
 from .ground import _use_ground
 from .refit import NEAR, NEAR_CHI2, _refit
@@ -79,13 +79,14 @@ def _refit_by_sectors(image, starts, solution, best, again):
     settled = solution.converged[again].astype(bool)
     near = settled & (best.variance[again] < NEAR_CHI2 * noise**2)
     near &= _distance(best.ellipse[again], starts[again]) < NEAR
-    for part, sectors in _sectors(image, _choose(near, best.ellipse[again], starts[again])):
-        rows = again[part]
-        refit = _refit(image.shape, sectors, contrast[part], noise[part])
-        done = refit.reasons == ""
-        best.reasons[rows], best.partly[rows] = refit.reasons, ~done & settled[part]
-        best.ellipse[rows[done]], best.covariance[rows[done]] = refit.ellipse[done], refit.covariance[done]
-        best.variance[rows[done]], best.s[rows[done]] = refit.variance[done], np.exp(refit.log_s[done])
+    sectors = _sectors(image, _choose(near, best.ellipse[again], starts[again]))
+    log_s = np.where(near, solution.log_s[again], np.log(1.2))
+    refit = _refit(image.shape, sectors, log_s, contrast, noise)
+    done = refit.reasons == ""
+    best.reasons[again], best.partly[again] = refit.reasons, ~done & settled
+    rows = again[done]
+    best.ellipse[rows], best.covariance[rows] = refit.ellipse[done], refit.covariance[done]
+    best.variance[rows], best.s[rows] = refit.variance[done], np.exp(refit.log_s[done])
     _widen(image, solution, best.covariance, np.flatnonzero(best.partly))
 
 
@@ -103,10 +104,3 @@ def _judge(best, contrast, noise, textured, sign, max_chi2, max_misfit):
         where = where & (best.reasons == "")
         best.reasons[where], best.partly[where] = reason, True
     best.partly &= best.fitted & (misfit <= COARSE * np.abs(contrast)) & (contrast * sign >= 0)
-
-
-def _choose(where, first, second):
-    """The first ellipses where that is said, else the second."""
-    return _Ellipse(
-        *(np.where(where, getattr(first, name), getattr(second, name)) for name in ("x", "y", "r", "m", "angle"))
-    )

@@ -4,19 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .ellipse import _distance, _Ellipse, _inside, _limited
-from .fit import MAX_STEPS, _solve_scaled
+from .ellipse import _choose, _distance, _Ellipse, _inside, _limited, _movement
+from .fit import MAX_STEPS, SMALL_STEP, _solve_scaled
 from .ring import RING
 from .sectors import (
     _HELD,
+    _common_levels,
     _common_normal,
-    _directions,
     _own_levels,
+    _own_sums,
     _radial_scores,
     _same_chi2,
     _sector_equations,
-    _sector_moments,
-    _weighted_sum,
+    _set_moments,
+    _shift_moments,
 )
 from .spectrum import _excess
 
@@ -45,7 +46,7 @@ class _Refit:
     reasons: np.ndarray
 
 
-def _refit(shape, sectors, contrast, noise):
+def _refit(shape, sectors, log_s, contrast, noise):
     """Fit again, with levels and slopes of their own, inside and outside, in those sectors that need them.
 
     Side walls, highlights and clutter change the levels around a disc.  The common levels may change with the
@@ -54,84 +55,96 @@ def _refit(shape, sectors, contrast, noise):
     four more unknowns, 4 are expected), or its chi2 with the common levels is more than SECTOR_SIGMAS standard
     deviations above 1.  The own levels are eliminated from the normal equations.  Such a sector has the weight
     OWN_WEIGHT, because what changes the levels is seldom straight; (limit / chi2)^2 times that where its chi2 is
-    high even so, and none if it has less than a quarter of the contrast.  In the first ALONE steps all sectors
-    have levels of their own.
+    high even so, and none if it has less than a quarter of the contrast.  In the first ALONE steps, or until
+    one is small, all sectors have levels of their own.
+
+    The pixels are looked at again when the edge has moved by SMALL_STEP; up to there Phi follows by its derivatives.
     """
-    start, pixels, k = sectors.ellipse, sectors.pixels, sectors.k
-    n, count = len(noise), pixels.used.sum(axis=1, dtype=float).reshape(-1, k)
-    limit = 1 + SECTOR_SIGMAS * np.sqrt(2 / np.maximum(count - 4, 1))
-    result = _Refit(start[np.arange(n)], np.full(n, np.log(1.2)), np.zeros((n, 5, 5)), np.zeros(n), None)
-    result.reasons = np.full(n, "", object)
-    noise, tolerated = np.hypot(noise, TOLERATED * contrast), noise**2 / (noise**2 + (TOLERATED * contrast) ** 2)
-    around, held = _directions(k), (noise / (UNEVEN * np.maximum(np.abs(contrast), 1e-3)))[:, None] ** 2 * _HELD
-    levels, own, active = np.zeros((n, 6)), np.ones((n, k), bool), np.ones(n, bool)
+    start, disc, count = sectors.ellipse, sectors.disc, sectors.count
+    n, limit = len(noise), 1 + SECTOR_SIGMAS * np.sqrt(2 / np.maximum(sectors.count - 4, 1))
+    result = _Refit(start[np.arange(n)], log_s.copy(), np.zeros((n, 5, 5)), np.zeros(n), np.full(n, "", object))
+    held = (np.hypot(noise, TOLERATED * contrast) / (UNEVEN * np.maximum(np.abs(contrast), 1e-3)))[:, None] ** 2 * _HELD
+    tolerated = (noise**2 / (noise**2 + (TOLERATED * contrast) ** 2))[disc]
+    noise = np.hypot(noise, TOLERATED * contrast)
+    moments, base, base_s, moved = np.empty((11, 11, len(disc))), result.ellipse, log_s, np.zeros((n, 6))
+    levels, own, active, stale = np.zeros((n, 6)), np.ones(len(disc), bool), np.ones(n, bool), np.ones(n, bool)
+    alone = np.full(n, ALONE)  # steps
     for number in range(MAX_STEPS):
-        if active.all():
-            moments = _sector_moments(pixels, result.ellipse, result.log_s, k)
-        else:  # what is done keeps its moments
-            moments[active] = _sector_moments(
-                pixels.some(np.repeat(active, k)), result.ellipse[active], result.log_s[active], k
-            )
-        free = _own_levels(moments, count, noise)
-        if number <= ALONE:
-            levels[:, 0], levels[:, 3] = np.median(free.level, axis=1), np.median(free.contrast, axis=1)
-        shared = _same_chi2(moments, levels, around, count, noise)
-        if ALONE <= number < FREEZE:
-            own = (shared * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared > limit)
-        fits = _share_that_fits(free, limit, contrast)
-        visible = np.where(own, fits, 1).mean(axis=1)
+        if stale.any():
+            _set_moments(moments, sectors, result.ellipse, result.log_s, stale)
+            base, base_s = _choose(stale, result.ellipse, base), np.where(stale, result.log_s, base_s)
+            moved[stale] = 0
+        free = _own_levels(moments, count, noise[disc])
+        reset = number <= alone
+        if reset.any():
+            levels[reset, 0] = sectors.medians(free.level)[reset]
+            levels[reset, 3] = sectors.medians(free.contrast)[reset]
+        level, step_up = _common_levels(levels, sectors)
+        shared = _same_chi2(moments, level, step_up, count, noise[disc])
+        if number < FREEZE:
+            needed = (shared * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared > limit)
+            own = np.where((number >= alone)[disc], needed, own)
+        fits = _share_that_fits(free, limit, contrast[disc], sectors.medians(free.chi2)[disc])
+        visible = np.bincount(disc, np.where(own, fits, 1), n) / np.bincount(disc, minlength=n)
         hidden = active & (visible < MIN_VISIBLE)
-        weights = np.where(hidden[:, None] | ~own, 1, OWN_WEIGHT * fits)
-        normal, gradient, scores = _sector_equations(moments, levels, around, held, free, own, weights)
+        weights = np.where(hidden[disc] | ~own, 1, OWN_WEIGHT * fits)
+        normal, gradient, scores = _sector_equations(moments, levels, sectors, held, free, own, weights)
         step, bad = _solve_scaled(normal, gradient)
         result.reasons[active & bad], result.reasons[hidden] = "no edge", "edge hidden"
-        last = active & (np.einsum("ni,nij,nj->n", step, normal, step) <= LAST_STEP * noise**2) & (number > ALONE)
+        size = ((normal @ step[:, :, None])[:, :, 0] * step).sum(axis=1)
+        last = active & (size <= LAST_STEP * noise**2) & (number > alone)
         step[:, :6] = _limited(step[:, :6], result.ellipse)
         step[~active | bad | hidden] = 0
-        result.ellipse = result.ellipse.moved(*step[:, :5].T)
-        result.log_s, levels = np.clip(result.log_s + step[:, 5], -1.5, 2.0), levels + step[:, 6:]
+        moved += step[:, :6]
+        result.ellipse = base.moved(*moved[:, :5].T)
+        result.log_s, levels = np.clip(base_s + moved[:, 5], -1.5, 2.0), levels + step[:, 6:]
         result.reasons[active & (_distance(result.ellipse, start) > RING)] = "does not converge"
         if last.any():
             chi2 = np.where(own, free.chi2, shared)
-            known = np.where(own, 0, np.maximum(chi2, tolerated[:, None]))
-            middle = _common_normal(moments, levels, around, known)[:, :12, :12] + held[:, :, None] * np.eye(12)
-            alone = weights**2 * free.contrast**2 * chi2 * own
-            shared_noise = middle * noise[:, None, None] ** 2
-            own_noise = _weighted_sum(alone, free.left)[:, :6, :6] * noise[:, None, None] ** 2
-            displaced, slopes = _radial_scores(moments, levels, around, free, own, weights)
-            information = slopes * np.where(own, weights**2 * chi2, known) * noise[:, None] ** 2
-            excess = _excess(displaced, information)
-            _state(result, last, normal, shared_noise, own_noise, scores, excess)
-            usual = np.average(chi2, axis=1, weights=np.maximum(weights * count, 1e-9))
-            result.variance[last] = (noise**2 * usual)[last]
+            known = np.where(own, 0, np.maximum(chi2, tolerated))
+            middle = _common_normal(moments, levels, sectors, known)[:, :12, :12] + held[:, :, None] * np.eye(12)
+            own_noise = _own_sums((weights**2 * free.contrast**2 * chi2 * own)[None], free, sectors)[:, 0, :, :6]
+            displaced, slopes = _radial_scores(moments, *_common_levels(levels, sectors), free, own, weights)
+            information = slopes * np.where(own, weights**2 * chi2, known) * noise[disc] ** 2
+            for i in np.flatnonzero(last):
+                part, variance = sectors.spans[i], noise[i] ** 2
+                excess = _excess(displaced[None, part], information[None, part])[0]
+                both = variance * middle[i], variance * own_noise[i]
+                result.covariance[i] = _stated(normal[i], *both, scores[:, part], excess)
+                share = np.maximum(weights * count, 1e-9)[part]
+                result.variance[i] = variance * (chi2[part] @ share) / share.sum()
         active &= ~last & (result.reasons == "")
         if not active.any():
             break
+        stale = active & (_movement(moved, base) > SMALL_STEP)
+        alone = np.where(stale | (number >= alone), alone, number + 1)
+        follow = active & ~stale
+        if follow.any():
+            _shift_moments(moments, np.where(follow[:, None], step[:, :6], 0)[disc])
     result.reasons[active] = "does not converge"
     result.reasons[(result.reasons == "") & ~_inside(result.ellipse, shape)] = "leaves the image"
     return result
 
 
-def _state(result, rows, normal, shared_noise, own_noise, scores, excess):
-    """Set the covariance in some rows.
+def _stated(normal, shared_noise, own_noise, scores, excess):
+    """The covariance (5, 5) of a disc.
 
-    Sectors with the common levels contribute what noise explains, those with their own (`scores`) what they show:
+    Sectors with the common levels contribute what noise explains, those with their own (`scores` (6, k)) what they show:
     what the model does not describe counts once for BLOCK neighbours, not for each pixel.  The other estimate takes
     what noise explains of both times the `excess` of the edge's displacements; the larger one is stated.
     """
     k = scores.shape[1]
-    blocks = scores[rows, : k // BLOCK * BLOCK].reshape(-1, k // BLOCK, BLOCK, 6).sum(axis=2)
-    bread = np.linalg.inv(normal[rows])
-    shown, white = shared_noise[rows], shared_noise[rows]
-    white[:, :6, :6] += own_noise[rows]
-    displaced = (bread @ white @ bread)[:, :5, :5] * excess[rows, None, None]
-    shown[:, :6, :6] += blocks.swapaxes(1, 2) @ blocks * ((k / BLOCK) / (k / BLOCK - 6))
-    shown = (bread @ shown @ bread)[:, :5, :5]
-    ratio = np.trace(displaced[:, :2, :2], axis1=1, axis2=2) / np.trace(shown[:, :2, :2], axis1=1, axis2=2)
-    result.covariance[rows] = shown * np.maximum(ratio, 1)[:, None, None]
+    blocks = scores.reshape(6, k // BLOCK, BLOCK).sum(axis=2)
+    bread = np.linalg.inv(normal)
+    shown, white = shared_noise.copy(), shared_noise.copy()
+    white[:6, :6] += own_noise
+    displaced = (bread @ white @ bread)[:5, :5] * excess
+    shown[:6, :6] += blocks @ blocks.T * ((k / BLOCK) / (k / BLOCK - 6))
+    shown = (bread @ shown @ bread)[:5, :5]
+    return shown * max((displaced[0, 0] + displaced[1, 1]) / (shown[0, 0] + shown[1, 1]), 1)
 
 
-def _share_that_fits(free, limit, contrast):
-    """1 for sectors that fit with levels of their own, less for those that do not, 0 where there is no edge."""
-    usual = np.maximum(limit, np.median(free.chi2, axis=1, keepdims=True))
-    return np.minimum(1, (usual / free.chi2) ** 2) * (free.contrast / contrast[:, None] > 0.25)
+def _share_that_fits(free, limit, contrast, median):
+    """1 for sectors that fit with levels of their own, less for those that do not, 0 where there is no edge; the disc's
+    `contrast` and its sectors' `median` of chi2 are (K,)."""
+    return np.minimum(1, (np.maximum(limit, median) / free.chi2) ** 2) * (free.contrast / contrast > 0.25)

@@ -11,9 +11,9 @@ CHUNK = 256  # pixels that are summed in float32: no sum depends on how far a di
 
 @dataclass
 class _Pixels:
-    """The pixels of n rings in rows, filled up to a multiple of CHUNK where `used` is 0, float32.
+    """Pixels in rows, filled up where `used` is 0, float32.
 
-    Places x, y are told from `origin` (n, 2), grey values from `level` (n,), both whole numbers.
+    Places x, y are told from `origin` (n, 2), grey values from `level` (n,).
     """
 
     origin: np.ndarray
@@ -34,20 +34,24 @@ def _ring_width(log_s):
 
 
 def _ring_pixels(image, ellipses, widths):
-    """The pixels within about `widths` (n,) px of the ellipses."""
+    """The pixels within about `widths` (n,) px of the ellipses, in rows of CHUNK, and which ellipse each row belongs to.
+
+    An ellipse's rows follow each other; origins and levels are whole numbers.
+    """
     rings = [_ring_indices(ellipses[i], image.shape, widths[i]) for i in range(len(ellipses.r))]
     origin, level = np.rint(np.stack([ellipses.x, ellipses.y], axis=1)), np.zeros(len(rings))
-    longest = max(max(len(ring[0]) for ring in rings), 1)
-    x, y, values, used = np.zeros((4, len(rings), -(-longest // CHUNK) * CHUNK), np.float32)
-    for i, (columns, rows) in enumerate(rings):
-        m = len(columns)
-        x[i, :m], y[i, :m], x[i, m:], used[i, :m] = columns, rows, origin[i, 0] + ellipses.r[i], 1
+    disc = np.repeat(np.arange(len(rings)), [max(-(-len(ring[0]) // CHUNK), 1) for ring in rings])
+    x, y, values, used = np.zeros((4, len(disc) * CHUNK), np.float32)
+    x[:] = np.repeat(ellipses.r, np.bincount(disc, minlength=len(rings)) * CHUNK)
+    firsts = np.searchsorted(disc, np.arange(len(rings))) * CHUNK
+    for i, ((columns, rows), first) in enumerate(zip(rings, firsts.tolist(), strict=True)):
+        part = slice(first, first + len(columns))
+        x[part], y[part], used[part] = columns - origin[i, 0], rows - origin[i, 1], 1
         grey = image.ravel().take(rows * image.shape[1] + columns)
-        level[i] = np.rint(grey.mean()) if m else 0
-        values[i, :m] = grey - np.float32(level[i])
-    x -= origin[:, :1].astype(np.float32)
-    y -= origin[:, 1:].astype(np.float32)
-    return _Pixels(origin, x, y, values, used, level)
+        level[i] = np.rint(grey.mean()) if len(grey) else 0
+        values[part] = grey - np.float32(level[i])
+    x, y, values, used = (part.reshape(-1, CHUNK) for part in (x, y, values, used))
+    return _Pixels(origin[disc], x, y, values, used, level[disc]), disc
 
 
 def _ring_indices(ellipse, shape, width=RING):

@@ -1,7 +1,13 @@
-"""Rings in angular sectors, each with levels of its own where it does not fit the common ones."""
+"""Rings in angular sectors, each with levels of its own where it does not fit the common ones.
+
+The sectors of all discs stand in one row (K,), disc by disc, so that their number may differ from disc to disc.
+Sums of products of the layers of `_ingredients` (11, 11, K) are in the order of `_ORDER`: Phi's derivatives by x, y, r, p, q,
+log s, the grey values, 1, Phi, the distance and the distance times Phi.
+"""
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from .ellipse import _Ellipse
@@ -19,86 +25,75 @@ LEAST_RADIUS = 9.5  # px, of a disc that is fitted by sectors: the fewest there 
 
 @dataclass
 class _Sectors:
-    """The pixels of n rings in k angular sectors each, a row for a sector, and the ellipses they lie around."""
+    """The pixels of n rings in K angular sectors: the ellipses they lie around, the disc (K,) of each sector, its number of
+    pixels (K,), 1, cos t and sin t (3, K) of its direction t, which sectors each disc has (slices), and the pixels of
+    those (rows) that are equally long."""
 
     ellipse: _Ellipse
-    pixels: _Pixels
-    k: int
+    disc: np.ndarray
+    count: np.ndarray
+    around: np.ndarray
+    spans: list
+    parts: list
+
+    def medians(self, values):
+        """The median (n,) of each disc's sectors of values (K,): their number is even."""
+        ranked = values[np.lexsort((values, self.disc))]
+        middle = [(span.start + span.stop) // 2 for span in self.spans]
+        return (ranked[middle] + ranked[[i - 1 for i in middle]]) / 2
 
 
 def _sectors(image, ellipses):
-    """Indices of the ellipses, and the `_Sectors` of their rings, of those that can be fitted together.
+    """The `_Sectors` of rings around ellipses.
 
-    The number of sectors and the length of their rows follow from the disc itself, and those of one number and
-    length are fitted together: so no result depends on other discs.
+    The number of a ring's sectors and the length of their rows follow from the disc itself: so no result depends on
+    other discs.
     """
-    rings = [_ring_by_sectors(image, ellipses[i]) for i in range(len(ellipses.r))]
-    kinds = {}
-    for i, (counts, _) in enumerate(rings):
-        length = max(-(-int(counts.max()) // LONGER_ROW) * LONGER_ROW, SECTOR_ROW)
-        kinds.setdefault((len(counts), length), []).append(i)
-    for (k, length), part in kinds.items():
-        filled = np.zeros((4, len(part) * k, length), np.float32)
-        filled[0] = np.repeat(ellipses.r[part], k)[:, None]
-        used = np.arange(length) < np.concatenate([rings[i][0] for i in part])[:, None]
-        filled[:3, used] = np.concatenate([rings[i][1] for i in part], axis=1)
-        filled[3] = used
-        origin = np.repeat(np.stack([ellipses.x[part], ellipses.y[part]], axis=1), k, axis=0)
-        yield np.array(part), _Sectors(ellipses[part], _Pixels(origin, *filled, np.zeros(len(origin))), k)
-
-
-def _ring_by_sectors(image, ellipse):
-    """The number of pixels (k,) in each angular sector of a ring; x, y, value (3, m) of the pixels, sector by sector.
-
-    Places are told from the ellipse's centre, values from their mean.  A sector is about SECTOR_LENGTH px long.
-    """
-    number = int(N_SECTORS[np.abs(np.log(N_SECTORS * SECTOR_LENGTH / (2 * np.pi * ellipse.r))).argmin()])
-    columns, rows = _ring_indices(ellipse, image.shape)
-    x, y = columns - ellipse.x, rows - ellipse.y
-    sector = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * number).astype(np.int16), number - 1)
-    values = image.ravel().take(rows * image.shape[1] + columns).astype(float)
+    n = len(ellipses.r)
+    numbers = N_SECTORS[np.abs(np.log(N_SECTORS * SECTOR_LENGTH / (2 * np.pi * ellipses.r[:, None]))).argmin(axis=1)]
+    firsts = np.cumsum(numbers) - numbers
+    rings = [_ring(image, ellipses[i], int(numbers[i]), int(firsts[i])) for i in range(n)]
+    sector, *pixels = (np.concatenate(values) for values in zip(*rings, strict=True))
     order = np.argsort(sector, kind="stable")
-    pixels = np.stack([x, y, values - values.mean()])[:, order]
-    return np.bincount(sector, minlength=number), pixels.astype(np.float32)
+    disc, count = np.repeat(np.arange(n), numbers), np.bincount(sector, minlength=numbers.sum())
+    around = np.concatenate([_directions(number) for number in numbers], axis=1)
+    spans = [slice(first, first + number) for first, number in zip(firsts.tolist(), numbers.tolist(), strict=True)]
+    return _Sectors(ellipses, disc, count, around, spans, _rows_of(ellipses, disc, count, sector, order, pixels))
 
 
-def _sector_equations(moments, levels, around, held, free, own, weights):
-    """Normal equations of x, y, r, p, q, log s and the six levels: matrices (n, 12, 12), gradients (n, 12), and the
-    part (n, k, 6) of these that each sector with levels of its own contributes."""
-    alone = np.where(own, weights, 0)
-    scores = (alone * free.contrast)[:, :, None] * free.left[:, :, :6, 6]
-    normal = _common_normal(moments, levels, around, np.where(own, 0, 1.0)) + 1e-9 * np.eye(13)
-    normal[:, range(12), range(12)] += held
-    normal[:, 6:12, 12] -= held[:, 6:] * levels
-    normal[:, :6, :6] += _weighted_sum(alone * free.contrast**2, free.left)[:, :6, :6]
-    normal[:, :6, 12] += scores.sum(axis=1)
-    return normal[:, :12, :12], normal[:, :12, 12], scores
+def _ring(image, ellipse, number, first):
+    """The sectors (m,) of the pixels of a ring, counted from `first`; their x and y from the ellipse's centre, and their
+    values from their mean, float32."""
+    columns, rows = _ring_indices(ellipse, image.shape)
+    x, y = (columns - ellipse.x).astype(np.float32), (rows - ellipse.y).astype(np.float32)
+    turn = cv2.phase(x, y).ravel() * np.float32(number / (2 * np.pi)) + np.float32(number / 2)  # from the direction -x
+    sector = np.where(turn >= number, turn - np.float32(number), turn).astype(np.int32)
+    grey = image.ravel().take(rows * image.shape[1] + columns).astype(np.float32)
+    return np.minimum(sector, number - 1) + np.int32(first), x, y, grey - (grey.mean() if len(grey) else 0)
 
 
-def _radial_scores(moments, levels, around, free, own, weights):
-    """Each sector's derivative (n, k) of half the sum of squares by the radius, and its square's expectation (n, k) for
-    unit noise and weight."""
-    level, contrast = ((part[:, None] @ around)[:, 0] for part in (levels[:, :3], levels[:, 3:]))
-    common = contrast * (moments[:, :, 2, 8] - level * moments[:, :, 2, 6] - contrast * moments[:, :, 2, 7])
-    scores = np.where(own, weights * free.contrast * free.left[:, :, 2, 6], common)
-    return scores, np.where(own, free.contrast**2 * free.left[:, :, 2, 2], contrast**2 * moments[:, :, 2, 2])
-
-
-@dataclass
-class _SectorFit:
-    """Sectors (n, k) with levels of their own: chi2, contrast, level outside, and what is `left` (n, k, 7, 7) of
-    the sums of products of Phi's derivatives and of the grey values when these are eliminated."""
-
-    chi2: np.ndarray
-    contrast: np.ndarray
-    level: np.ndarray
-    left: np.ndarray
-
-
-def _weighted_sum(weights, matrices):
-    """Sums over the sectors of matrices (n, k, i, j) with weights (n, k)."""
-    n, k, *shape = matrices.shape
-    return (weights[:, None] @ matrices.reshape(n, k, -1))[:, 0].reshape(n, *shape)
+def _rows_of(ellipses, disc, count, sector, order, pixels):
+    """The pixels in rows, a row for a sector, filled up to one length; and which sectors those of each length are."""
+    longest = np.zeros(len(ellipses.r), int)
+    np.maximum.at(longest, disc, count)
+    lengths = np.maximum(-(-longest // LONGER_ROW) * LONGER_ROW, SECTOR_ROW)[disc]
+    sector = sector[order]
+    place = np.arange(len(sector)) - np.repeat(np.cumsum(count) - count, count)
+    parts = []
+    for length in np.unique(lengths):
+        rows = np.flatnonzero(lengths == length)
+        there, where = slice(None), place + sector * length
+        if len(rows) < len(lengths):
+            there = lengths[sector] == length
+            where = place[there] + (np.cumsum(lengths == length) - 1)[sector[there]] * length
+        filled = np.zeros((4, len(rows) * length), np.float32)
+        filled[0] = np.repeat(ellipses.r[disc[rows]], length)
+        for to, values in zip(filled, pixels, strict=False):
+            to[where] = values[order][there]
+        filled[3, where] = 1
+        origin = np.stack([ellipses.x, ellipses.y], axis=1)[disc[rows]]
+        parts.append((rows, _Pixels(origin, *filled.reshape(4, len(rows), length), np.zeros(len(rows)))))
+    return parts
 
 
 def _directions(k):
@@ -107,50 +102,123 @@ def _directions(k):
     return np.stack([np.ones(k), np.cos(t), np.sin(t)])
 
 
+_ORDER = np.array([0, 1, 2, 3, 4, 5, 8, 6, 7, 9, 10])
+_PAIRS = (11 * _ORDER[:, None] + _ORDER).ravel()
+_GREY, _ONE, _PHI = 6, 7, 8
+
+
+def _set_moments(moments, sectors, ellipse, log_s, discs):
+    """Set the sums of products (11, 11, K) of the sectors of some discs (n,)."""
+    for rows, pixels in sectors.parts:
+        some = discs[sectors.disc[rows]]
+        if not some.any():
+            continue
+        if not some.all():
+            rows, pixels = rows[some], pixels.some(some)
+        disc = sectors.disc[rows]
+        layers = _ingredients(pixels, ellipse[disc], log_s[disc], extra=2).transpose(1, 0, 2)
+        sums = (layers @ layers.transpose(0, 2, 1)).reshape(len(rows), -1)
+        moments.reshape(121, -1)[:, rows] = sums.T[_PAIRS]
+
+
+def _shift_moments(moments, steps):
+    """Let Phi follow small steps (K, 6) in the sums of products, by its derivatives."""
+    moments[_PHI] += (steps.T[:, None] * moments[:6]).sum(axis=0)
+    moments[:, _PHI] += (steps.T * moments[:, :6]).sum(axis=1)
+
+
+# -------------------------------------------------------------------------------------------------- equations
+
+
+@dataclass
+class _SectorFit:
+    """Sectors (K,) with levels of their own: chi2, contrast, level outside, and what is `left` (7, 7, K) of
+    the sums of products of Phi's derivatives and of the grey values when these are eliminated."""
+
+    chi2: np.ndarray
+    contrast: np.ndarray
+    level: np.ndarray
+    left: np.ndarray
+
+
+def _own_levels(moments, count, noise):
+    """Each sector with a level and a slope of its own on either side; `noise` (K,)."""
+    left, factors = moments, []
+    for ridge in (1e-3, 1e-3, 1e-6, 1e-6):  # the distance times Phi, the distance, Phi, 1
+        factors.append(left[-1, :-1] / (left[-1, -1] + ridge))
+        left = left[:-1, :-1] - left[:-1, -1:] * factors[-1]
+    level = factors[3][_GREY]
+    contrast = factors[2][_GREY] - factors[2][_ONE] * level
+    chi2 = np.maximum(left[_GREY, _GREY] / np.maximum(count - 4, 1), QUANTISATION) / noise**2
+    return _SectorFit(chi2, contrast, level, left)
+
+
+def _same_chi2(moments, level, contrast, count, noise):
+    """Chi2 (K,) of sectors with their disc's common levels, (K,) each."""
+    squares = moments[_GREY, _GREY] - 2 * (level * moments[_ONE, _GREY] + contrast * moments[_PHI, _GREY])
+    squares += level**2 * moments[_ONE, _ONE] + 2 * level * contrast * moments[_ONE, _PHI]
+    squares += contrast**2 * moments[_PHI, _PHI]
+    return np.maximum(squares / np.maximum(count, 1), QUANTISATION) / noise**2
+
+
+def _common_levels(levels, sectors):
+    """Level and contrast (K,) in the direction of each sector, from levels (n, 6)."""
+    values = levels[sectors.disc]
+    return (values[:, :3] * sectors.around.T).sum(axis=1), (values[:, 3:] * sectors.around.T).sum(axis=1)
+
+
 _HELD = np.array([0, 0, 0, 0, 0, 0, 0, 1, 1, 0, 1, 1])  # the levels' changes with the direction are held near 0
 
 
-def _common_normal(moments, levels, around, weights):
+def _sums(values, weights, spans):
+    """Sums (n, w, v) over each disc's sectors of values (v, K) with weights (w, K)."""
+    return np.array([weights[:, span] @ values[:, span].T for span in spans])
+
+
+def _common_normal(moments, levels, sectors, weights):
     """Sums (n, 13, 13) of products of the derivatives and the residual, with common levels.
 
     Levels (n, 6) are B and A, each as a + b cos t + c sin t in the direction t: the ground is seldom the same on
     both sides of a disc, and a difference of 1 % of the contrast between them would move the centre by 0.01 px.
     """
-    pairs = (around[:, None] * around).reshape(9, -1)
-    sums = (weights[:, None] * pairs) @ moments.reshape(*moments.shape[:2], -1)
-    sums = sums.reshape(-1, 3, 3, 11, 11)[..., :9, :9].swapaxes(2, 3).reshape(-1, 27, 27)
-    change, harmonics = np.zeros((len(levels), 13, 3, 9)), np.arange(3)
-    for derivative in range(6):
-        change[:, derivative, :, derivative] = levels[:, 3:]
-    change[:, 6 + harmonics, harmonics, 6] = change[:, 9 + harmonics, harmonics, 7] = change[:, 12, 0, 8] = 1
-    change[:, 12, :, 6], change[:, 12, :, 7] = -levels[:, :3], -levels[:, 3:]
+    around, k = sectors.around, len(weights)
+    pairs = (around[:, None] * around).reshape(9, k) * weights
+    sums = _sums(moments[:9, :9].reshape(81, k), pairs, sectors.spans)
+    sums = sums.reshape(-1, 3, 3, 9, 9).swapaxes(2, 3).reshape(-1, 27, 27)
+    change = np.repeat(_BY_SUMS, len(levels), axis=0)
+    change[:, _SIX, :, _SIX] = levels[:, 3:]
+    change[:, 12, :, _ONE], change[:, 12, :, _PHI] = -levels[:, :3], -levels[:, 3:]
     change = change.reshape(-1, 13, 27)
     return change @ sums @ change.swapaxes(1, 2)
 
 
-def _sector_moments(pixels, ellipse, log_s, k):
-    """Sums of products (n, k, 11, 11) of the rows of `_ingredients`, the distance and the distance times Phi."""
-    many = _Ellipse(*(np.repeat(getattr(ellipse, name), k) for name in ("x", "y", "r", "m", "angle")))
-    rows = _ingredients(pixels, many, np.repeat(log_s, k), extra=2)
-    return (rows @ rows.transpose(0, 2, 1)).reshape(-1, k, 11, 11)
+_SIX = np.arange(6)
+_BY_SUMS = np.zeros((1, 13, 3, 9))  # the derivatives by the levels, and the grey values
+_BY_SUMS[:, 6 + np.arange(3), np.arange(3), _ONE] = _BY_SUMS[:, 9 + np.arange(3), np.arange(3), _PHI] = 1
+_BY_SUMS[:, 12, 0, _GREY] = 1
 
 
-def _own_levels(moments, count, noise):
-    """Each sector with a level and a slope of its own on either side."""
-    inner = moments[:, :, _OWN[:, None], _OWN] + np.diag([1e-6, 1e-6, 1e-3, 1e-3])
-    mixed = moments[:, :, _OWN[:, None], _REST]
-    solved = np.linalg.solve(inner, mixed)
-    left = moments[:, :, _REST[:, None], _REST] - mixed.swapaxes(2, 3) @ solved
-    chi2 = np.maximum(left[:, :, 6, 6] / np.maximum(count - 4, 1), QUANTISATION) / noise[:, None] ** 2
-    return _SectorFit(chi2, solved[:, :, 1, 6], solved[:, :, 0, 6], left)
+def _sector_equations(moments, levels, sectors, held, free, own, weights):
+    """Normal equations of x, y, r, p, q, log s and the six levels: matrices (n, 12, 12), gradients (n, 12), and the
+    part (6, K) of these that each sector with levels of its own contributes."""
+    alone = np.where(own, weights, 0) * free.contrast
+    normal = _common_normal(moments, levels, sectors, np.where(own, 0, 1.0)) + 1e-9 * np.eye(13)
+    normal[:, range(12), range(12)] += held
+    normal[:, 6:12, 12] -= held[:, 6:] * levels
+    sums = _own_sums(np.stack([alone * free.contrast, alone]), free, sectors)
+    normal[:, :6, :6] += sums[:, 0, :, :6]
+    normal[:, :6, 12] += sums[:, 1, :, _GREY]
+    return normal[:, :12, :12], normal[:, :12, 12], alone * free.left[:6, _GREY]
 
 
-_OWN, _REST = np.array([6, 7, 9, 10]), np.array([0, 1, 2, 3, 4, 5, 8])
+def _own_sums(weights, free, sectors):
+    """Sums (n, w, 6, 7) over each disc's sectors of what is left of the derivatives' products, with weights (w, K)."""
+    return _sums(free.left[:6].reshape(42, -1), weights, sectors.spans).reshape(len(sectors.spans), -1, 6, 7)
 
 
-def _same_chi2(moments, levels, around, count, noise):
-    """Chi2 (n, k) of sectors with their disc's common levels."""
-    level, contrast = ((part[:, None] @ around)[:, 0] for part in (levels[:, :3], levels[:, 3:]))
-    combination = np.stack([-level, -contrast, np.ones_like(level)], axis=2)
-    squares = ((moments[:, :, 6:9, 6:9] @ combination[..., None])[..., 0] * combination).sum(axis=2)
-    return np.maximum(squares / np.maximum(count, 1), QUANTISATION) / noise[:, None] ** 2
+def _radial_scores(moments, level, contrast, free, own, weights):
+    """Each sector's derivative (K,) of half the sum of squares by the radius, and its square's expectation (K,) for
+    unit noise and weight; with the common level and contrast (K,)."""
+    common = contrast * (moments[2, _GREY] - level * moments[2, _ONE] - contrast * moments[2, _PHI])
+    scores = np.where(own, weights * free.contrast * free.left[2, _GREY], common)
+    return scores, np.where(own, free.contrast**2 * free.left[2, 2], contrast**2 * moments[2, 2])

@@ -1,6 +1,7 @@
 """A pattern in the form that the search for its ring uses."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -33,6 +34,7 @@ class _Design:
 SIGNS = {"bright": 1, "dark": -1, "either": 0}
 
 
+@lru_cache(maxsize=16)
 def _design(pattern):
     """The `_Design` of a `RingPattern`."""
     middle, scale = pattern.places.mean(axis=0), pattern.scale

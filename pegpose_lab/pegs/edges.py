@@ -56,11 +56,51 @@ class _Rims:
 
 def _field(image):
     """The gradient field of a grey picture."""
+    return _Field(_gradient(image), _weak([image]))
+
+
+def _field_near(image, centers, reaches):
+    """The gradient field of a grey picture within `reaches` (k,) px of centres (k, 2), along x and y; 0 elsewhere."""
+    gradient, parts = np.zeros((*image.shape, 2), np.float32), []
+    for center, reach in zip(centers, reaches, strict=True):
+        (left, top), (right, bottom) = (
+            np.clip(np.rint(edge), 0, image.shape[::-1]).astype(int).tolist()
+            for edge in (center - reach, center + reach)
+        )
+        if min(right - left, bottom - top) > 2:
+            parts.append(image[top:bottom, left:right])
+            gradient[top:bottom, left:right] = _gradient(parts[-1])
+    return _Field(gradient, _weak(parts))
+
+
+def _fields_beside(parts):
+    """The gradient field of parts of a picture, side by side, and where (k, 2) each begins."""
+    widths = np.array([part.shape[1] for part in parts])
+    steps = np.column_stack([np.cumsum(widths) - widths, np.zeros(len(parts), int)])
+    gradient = np.zeros((max(part.shape[0] for part in parts), widths.sum(), 2), np.float32)
+    for part, (left, _) in zip(parts, steps.tolist(), strict=True):
+        gradient[: part.shape[0], left : left + part.shape[1]] = _gradient(part)
+    return _Field(gradient, _weak(parts)), steps
+
+
+def _gradient(image):
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), SMOOTHING)
-    gradient = [cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))]
-    laplace = cv2.filter2D(image[::2].astype(np.float32), -1, np.float32([[1, -2, 1], [-2, 4, -2], [1, -2, 1]]))
-    noise = float(np.sqrt(np.pi / 2) / 6 * np.median(np.abs(laplace)) / 0.8453)
-    return _Field(np.dstack(gradient), max(LEAST_GRADIENT, NOISE_GRADIENT * noise))
+    return cv2.merge([cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3, scale=1 / 8) for order in ((1, 0), (0, 1))])
+
+
+def _weak(parts):
+    """The gradient, grey values per px, that noise leaves in parts of a picture: by its second differences."""
+    kernel = np.float32([[1, -2, 1], [-2, 4, -2], [1, -2, 1]])
+    sizes = np.concatenate([np.abs(cv2.filter2D(part[::2], cv2.CV_32F, kernel)).ravel() for part in parts])
+    noise = float(np.sqrt(np.pi / 2) / 6 * _median_of_counts(sizes) / 0.8453)
+    return max(LEAST_GRADIENT, NOISE_GRADIENT * noise)
+
+
+def _median_of_counts(values):
+    """The median of many small whole numbers."""
+    counts = np.bincount(values.astype(np.intp)).cumsum()
+    low, high = np.searchsorted(counts, [(len(values) - 1) // 2 + 1, len(values) // 2 + 1])
+    return (low + high) / 2
 
 
 def _ellipses(centers, shapes):

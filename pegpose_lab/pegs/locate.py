@@ -8,8 +8,8 @@ import numpy as np
 
 from ..checks import DetectionError, as_image
 from ..patterns import RingPattern
-from ..segmentation import segment
-from .candidates import _part_circles
+from .candidates import _circles_of_parts
+from .follow import _followed_hub
 from .labels import _choose, _labellings, _nearest, _screw_places
 from .measure import _measure
 from .ring import _locate_ring
@@ -96,24 +96,21 @@ def locate_pegs(
         raise ValueError(f"previous is not a PegObservation of {n} pegs")
     if isinstance(hub, RingPattern):
         return _locate_ring(image, hub, radius_range, previous)
-    segmentation = segment(image, min_area=min_area, threshold=threshold)
-    try:
-        return _locate(image, segmentation, hub, previous)
-    except DetectionError:
-        if len(segmentation.levels) == 1:
-            raise
-        # Bright swarf on a bore can give it two grey levels; a single threshold keeps it in one part.
+    observation = None if previous is None else _followed_hub(image, hub, previous)
+    if observation is not None:
+        return observation
+    error = None
+    for circles, says_what in _circles_of_parts(image, min_area, threshold):
         try:
-            whole = segment(image, min_area=min_area, threshold=segmentation.threshold)
-            return _locate(image, whole, hub, previous)
-        except DetectionError:
-            pass
-        raise
+            return _locate(image, circles, hub, previous)
+        except DetectionError as reason:
+            if says_what:
+                error = reason
+    raise error
 
 
-def _locate(image, segmentation, hub, previous):
-    """`locate_pegs` on one segmentation."""
-    circles = _part_circles(image, segmentation)
+def _locate(image, circles, hub, previous):
+    """`locate_pegs` among some circles."""
     rings = _find_rings(circles, hub)
     if not rings:
         raise DetectionError(_missing_pegs(circles, hub))

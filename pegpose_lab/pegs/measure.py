@@ -8,7 +8,7 @@ import numpy as np
 from ..checks import DetectionError, Flag
 from ..discs import fit_discs
 from .candidates import _as_circles
-from .edges import _ellipses, _field, _rims, _visible
+from .edges import _ellipses, _fields_beside, _rims, _visible
 from .plane import _images
 from .rings import RADIUS_TOLERANCE
 
@@ -98,9 +98,14 @@ class PegObservation:
 
 def _measure(image, circles, ring, labelling, hub, labelled_by, turns):
     """Measure the chosen pegs, bore and screws by ellipse fits."""
-    n, n_screws = hub.n_pegs, len(labelling.screws)
     index = np.append(labelling.pegs, ring.bore)
     located = np.vstack([np.column_stack([circles.centers[index], circles.radii[index]]), labelling.screws])
+    return _measured_parts(image, located, hub, labelled_by, turns)
+
+
+def _measured_parts(image, located, hub, labelled_by, turns=None):
+    """The same for circles (n_pegs + 1 + n_screws, 3) of pegs, bore and screws in label order."""
+    n, n_screws = hub.n_pegs, len(located) - hub.n_pegs - 1
     names = [f"peg {k + 1}" for k in range(n)] + ["bore"] + [f"screw {k + 1}" for k in range(n_screws)]
     parts, covariances, reasons, shapes = _fit_parts(image, located)
     sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
@@ -124,23 +129,20 @@ def _measure(image, circles, ring, labelling, hub, labelled_by, turns):
         visible=_visible_rims(image, parts[:n, :2], shapes[:n]),
         homography=homography,
         labelled_by=labelled_by,
-        turns=turns,
+        turns=np.arange(n)[None] if turns is None else turns,
     )
 
 
 def _visible_rims(image, centers, shapes):
-    """The visible shares (n,) of the pegs' rims, each in its own part of the image."""
-    shares = np.empty(len(centers))
-    for k, (center, shape) in enumerate(zip(centers, shapes, strict=True)):
-        reach = 1.3 * np.sqrt(np.linalg.eigvalsh(shape)[-1]) + 4
-        low = np.maximum(np.floor(center - reach), 0).astype(int)
-        high = np.ceil(center + reach).astype(int)
-        part = np.ascontiguousarray(image[low[1] : high[1], low[0] : high[0]])
-        root = np.linalg.cholesky(shape)
-        outlines = _ellipses((center - low)[None], root[None])
-        rims, _ = _rims(_field(part), outlines, np.ones(1), 2.5 / float(outlines.px.mean()))
-        shares[k] = _visible(rims, rims.offsets * outlines.px, 1.0)[0]
-    return shares
+    """The visible shares (n,) of the pegs' rims."""
+    reaches = 1.3 * np.sqrt(np.linalg.eigvalsh(shapes)[:, -1:]) + 4
+    lows = np.maximum(np.floor(centers - reaches), 0).astype(int)
+    highs = np.ceil(centers + reaches).astype(int)
+    parts = [image[y0:y1, x0:x1] for (x0, y0), (x1, y1) in zip(lows.tolist(), highs.tolist(), strict=True)]
+    field, steps = _fields_beside(parts)
+    outlines = _ellipses(centers - lows + steps, np.linalg.cholesky(shapes))
+    rims, _ = _rims(field, outlines, np.ones(len(centers)), 2.5 / float(outlines.px.mean()))
+    return _visible(rims, rims.offsets * outlines.px, 1.0)
 
 
 def _fit_parts(image, located):

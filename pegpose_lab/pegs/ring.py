@@ -6,11 +6,12 @@ import numpy as np
 
 from ..checks import REMAP_LIMIT, DetectionError, Flag, as_number
 from .design import _design
-from .edges import _field, _refined
+from .edges import _field, _field_near, _refined
 from .judge import WORTH, _agreement
 from .measure import PegObservation
+from .moved import _motion
 from .places import _by_grey_values, _by_own_rim, _measured_places, _own_rims, _residual
-from .search import _followed, _no_seeds, _rings
+from .search import FOLLOWED_REACHES, MOVED_REACHES, _followed, _no_seeds, _rings
 from .seeds import _seeds
 from .turns import _label, _rotation
 
@@ -57,30 +58,39 @@ def _locate_ring(image, pattern, radius_range, previous):
 
 def _followed_ring(image, design, pattern, previous):
     """The ring near the one of the frame before, in the part of the picture round that; None where it is not clear."""
-    reach = REGION * np.max(previous.peg_radii)
-    around = np.vstack([previous.peg_centers, *(previous.screw_centers if len(previous.screw_centers) else ())])
-    reach = max(reach, previous.bore_radius - np.ptp(previous.peg_centers, axis=0).max() / 2 + reach / 2)
+    used = np.array([state == "measured" for state in previous.states])
+    motion = _motion(image, previous.peg_centers[used], previous.peg_radii[used], design.signs[used])
+    before, reaches = (previous, FOLLOWED_REACHES) if motion is None else (_moved(previous, *motion), MOVED_REACHES)
+    reach = REGION * np.max(before.peg_radii)
+    around = np.vstack([before.peg_centers, *(before.screw_centers if len(before.screw_centers) else ())])
+    reach = max(reach, before.bore_radius - np.ptp(before.peg_centers, axis=0).max() / 2 + reach / 2)
     low = np.clip(np.floor(around.min(axis=0) - reach), 0, None).astype(int)
     high = np.ceil(around.max(axis=0) + reach).astype(int)
     part = np.ascontiguousarray(image[low[1] : high[1], low[0] : high[0]])
     if min(part.shape) < reach:
         return None
-    before = _moved(previous, -low)
-    field = _field(part)
-    ring = _followed(field, design, pattern.max_missing, before)
-    return None if ring is None else _moved(_observed(part, field, _no_seeds(), [ring], design, pattern, before), low)
+    before = _moved(before, 1.0, -complex(*low))
+    centers = np.vstack([before.peg_centers, before.screw_centers, before.bore_center])
+    radii = np.concatenate([before.peg_radii, before.screw_radii, [before.bore_radius]])
+    lost = motion is None or not np.isfinite(before.screw_sigmas).all()  # marks may be anywhere
+    field = _field(part) if lost else _field_near(part, centers, REGION / 1.5 * radii + 4)
+    ring = _followed(field, design, pattern.max_missing, before, reaches)
+    if ring is None:
+        return None
+    return _moved(_observed(part, field, _no_seeds(), [ring], design, pattern, before), 1.0, complex(*low))
 
 
-def _moved(observation, step):
-    """An observation in a picture whose origin lies elsewhere."""
-    shift = np.array([[1.0, 0, step[0]], [0, 1, step[1]], [0, 0, 1]])
-    homography = shift @ observation.homography
+def _moved(observation, a, b):
+    """An observation after a similarity z -> a z + b of the places x + i y."""
+    matrix = np.array([[a.real, -a.imag, b.real], [a.imag, a.real, b.imag], [0, 0, 1]])
+    homography, size = matrix @ observation.homography, abs(a)
+    names = "peg_centers", "screw_centers", "bore_center", "hub_center"
     return replace(
         observation,
-        peg_centers=observation.peg_centers + step,
-        screw_centers=observation.screw_centers + step,
-        bore_center=observation.bore_center + step,
-        hub_center=observation.hub_center + step,
+        **{name: getattr(observation, name) @ matrix[:2, :2].T + matrix[:2, 2] for name in names},
+        peg_radii=size * observation.peg_radii,
+        screw_radii=size * observation.screw_radii,
+        bore_radius=size * observation.bore_radius,
         homography=homography / homography[2, 2],
     )
 

@@ -10,7 +10,8 @@ from .seeds import _Seeds
 
 CLEAR = 0.85  # value of a ring, and share of all its rims, that leaves little to look for
 HOPELESS = 0.6  # of the best votes: after a clear ring, others with less are no rivals
-FOLLOWED_REACHES = (0.8, 0.5, 0.3, 0.15, 0.08)  # of the radius: a frame moves a disc less than that, or is searched
+FOLLOWED_REACHES = (0.8, 0.5, 0.3, 0.15, 0.08)  # of the radius: a frame moves a disc less than that, or is searched;
+MOVED_REACHES = FOLLOWED_REACHES[3:]  # and where its motion is known
 FOLLOWED_SIZE = 0.1  # change of a radius, relative to the ring, that is none of the same edge
 MOST_FITTED = 8  # hypotheses that are drawn to the edges
 LAST_REACHES = (0.12, 0.08, 0.08, 0.08)  # of the radius, for the ring that is returned
@@ -86,7 +87,7 @@ def _without_twins(rings, design):
     return kept
 
 
-def _followed(field, design, max_missing, previous):
+def _followed(field, design, max_missing, previous, reaches):
     """The ring of the frame before where it moved little: all rims that were seen are clear at once; None elsewhere."""
     homography = previous.homography @ np.linalg.inv(design.normal_from_pattern)
     plane = _Plane(homography / homography[2, 2], design.radius)
@@ -96,7 +97,7 @@ def _followed(field, design, max_missing, previous):
     size = np.sqrt(np.linalg.det(plane.ellipses(design.places)[1]))[used]
     radius = plane.radius * float(np.median(np.asarray(previous.peg_radii)[used]) / np.median(size))
     start = _Plane(plane.homography, radius)
-    fit = _fit_plane(field, start, design.places, design.signs, radius, FOLLOWED_REACHES, used)
+    fit = _fit_plane(field, start, design.places, design.signs, radius, reaches, used)
     if fit is None or abs(np.log(fit[0].radius / radius)) > FOLLOWED_SIZE:
         return None
     ring = _judged(field, _no_seeds(), design, *fit)

@@ -38,11 +38,12 @@ def _label(field, ring, design, pattern, previous, base):
 
     `base` is where the bore is and where the ring's plane has it: the marks may lie as deep as the bore.
     """
-    turns = design.turns
-    depths = (None,) if base is None else (None, base)
-    seen = [np.array([_marks_seen(field, ring, design, pattern, turn, depth)[2] for turn in turns]) for depth in depths]
-    best = int(np.argmax([np.max(one.mean(axis=1), initial=0) if pattern.marks else 0 for one in seen]))
-    clear, depth = seen[best], depths[best]
+    turns, marks = design.turns, (np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0))
+    if pattern.marks:
+        depths = (None,) if base is None else (None, base)
+        found = [_marks_seen(field, ring, design, pattern, turns, depth) for depth in depths]
+        marks = max(found, key=lambda one: one[2].mean(axis=1).max())
+        clear = marks[2]
     possible, by = np.arange(len(turns)), "nothing"
     if pattern.marks:
         worth = clear.mean(axis=1)
@@ -57,26 +58,28 @@ def _label(field, ring, design, pattern, previous, base):
         chosen, by = possible[_least_move(labelled, previous, "ring", "discs")], "previous frame"
     else:
         chosen = possible[_leftmost([centers[turns[i][0]] for i in possible])]
-    marks = _marks_seen(field, ring, design, pattern, turns[chosen], depth)
+    if pattern.marks:
+        marks = tuple(values[chosen] for values in marks)
     back = np.argsort(turns[chosen])
     rest = [back[turns[i]] for i in possible if i != chosen]
     rest = [] if by == "previous frame" else rest
     return _Labels(turns[chosen], [np.arange(len(back)), *rest], by, marks[:2], marks[2])
 
 
-def _marks_seen(field, ring, design, pattern, turn, depth):
-    """Centres (m, 2), shapes (m, 2, 2) of the marks in the picture after a turn, and how clear (m,) they are."""
-    if not pattern.marks:
-        return np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0)
+def _marks_seen(field, ring, design, pattern, turns, depth):
+    """Centres (t, m, 2), shapes (t, m, 2, 2) of the marks in the picture after t turns, and how clear (t, m) they are."""
     places = np.array([mark.center for mark in pattern.marks])
-    spots = (places - design.middle) / design.scale @ _rotation(design, turn)[:2, :2].T
     ratios = np.array([mark.radius for mark in pattern.marks]) / pattern.disc_radius
     signs = np.array([SIGNS[mark.polarity] for mark in pattern.marks])
-    centers, shapes = ring.plane.ellipses(spots, ring.plane.radius * ratios)
+    spots = np.concatenate(
+        [(places - design.middle) / design.scale @ _rotation(design, turn)[:2, :2].T for turn in turns]
+    )
+    centers, shapes = ring.plane.ellipses(spots, ring.plane.radius * np.tile(ratios, len(turns)))
     if depth is not None:
         there, expected, ratio = depth
         centers, shapes = there + (centers - expected) * ratio, shapes * ratio
-    own = _refined(field, centers, shapes, signs, MARK_REACHES)
+    own = _refined(field, centers, shapes, np.tile(signs, len(turns)), MARK_REACHES)
     seen = _agreement(centers, shapes, *own[:2]) * own[2]
-    kept = seen > 0
-    return np.where(kept[:, None], own[0], centers), np.where(kept[:, None, None], own[1], shapes), seen
+    kept, size = seen > 0, (len(turns), len(places))
+    found = np.where(kept[:, None], own[0], centers), np.where(kept[:, None, None], own[1], shapes)
+    return found[0].reshape(*size, 2), found[1].reshape(*size, 2, 2), seen.reshape(size)

@@ -85,7 +85,7 @@ def test_fast_rows_equal_the_literal_model(m, angle, log_s, r, shift):
         ones,
         np.zeros(1),
     )
-    fast = model._ingredients(pixels, ellipse, np.array([log_s]), extra=2)[0]
+    fast = model._ingredients(pixels, ellipse, np.array([log_s]), extra=2)[:, 0]
     one = _Ellipse(*(float(getattr(ellipse, name)[0]) for name in ("x", "y", "r", "m", "angle")))
     share, derivatives = _model(x, y, one, log_s)
     far = np.hypot(x - one.x, y - one.y) > 1
