@@ -91,7 +91,9 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .checks import Flag as Flag
     from .circles import Circles as Circles
     from .circles import find_circles as find_circles
+    from .corners import BoardCorners as BoardCorners
     from .corners import find_corners as find_corners
+    from .corners import locate_board as locate_board
     from .discs import Discs as Discs
     from .discs import fit_discs as fit_discs
     from .patterns import RingMark as RingMark
@@ -130,7 +132,9 @@ _HOME = {
     "find_circles": "circles",
     "Discs": "discs",
     "fit_discs": "discs",
+    "BoardCorners": "corners",
     "find_corners": "corners",
+    "locate_board": "corners",
     "PegObservation": "pegs",
     "locate_pegs": "pegs",
     "track_pegs": "pegs",

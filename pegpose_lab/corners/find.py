@@ -1,7 +1,8 @@
 """Corners of a checkerboard in an image, to sub-pixel accuracy (Sect. 4).
 
-OpenCV finds the grid (`grid`).  A sub-pixel fit of all corners (`fit`) and the surroundings of the grid
-(`whole_board`) then decide whether it is accepted.
+OpenCV finds the grid (`grid`).  A sub-pixel fit of all corners (`measure`, `fit`) and the surroundings of the grid
+(`whole_board`) then decide whether it is accepted.  Of a board that is cut or partly hidden, `part` has the corners
+that are seen.
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import DetectionError, as_image
-from .fit import fit_corners
-from .grid import candidate_grids, seen_grid
+from .grid import candidate_grids
+from .measure import SMALLEST_PITCH, edge_normals, refine
+from .part import largest_part, number_part
+from .result import BoardCorners
 from .whole_board import check_ends, check_fields
 
 if TYPE_CHECKING:
@@ -20,16 +23,7 @@ if TYPE_CHECKING:
 
     from ..targets import Checkerboard
 
-WINDOW = (
-    15.0  # px, largest radius of a window: a larger one has less noise, but more bias from edges that the lens bends
-)
-REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
-SMALLEST_PITCH = 7.0  # px between neighbouring corners; below, a window holds too few pixels
-PASSES = 3  # of the fit; after them the place where the grid was found changes a corner by less than 1e-5 px
-LARGEST_MOVE = 0.25  # of the pitch, from where the grid was found
-LARGEST_SIGMA = 0.5  # px
-LARGEST_MISFIT = 0.4  # of the contrast, or 3 times the board's median (noise): beyond, something covers it
-SMALLEST_CONTRAST = 0.15  # of the board's median
+_ADVICE = "show the whole board with a light rim, evenly lit and in focus; check columns and rows"
 
 
 def find_corners(image: ArrayLike, board: Checkerboard) -> NDArray[np.float64]:
@@ -78,56 +72,122 @@ def find_corners(image: ArrayLike, board: Checkerboard) -> NDArray[np.float64]:
     >>> corners.shape, bool(abs(error).max() < 0.05)
     ((20, 2), True)
     """
+    image = _checked(image, board)
+    whole, refusal = _whole_board(image, board)
+    if whole is not None:
+        return whole.image_points
+    corners = _board_part(image, board, refusal)
+    if corners.whole:
+        return corners.image_points
+    total = board.columns * board.rows
+    reason = refusal or f"no whole board of {board.columns} x {board.rows} inner corners is seen; {_ADVICE}"
+    raise DetectionError(
+        f"{reason} (`locate_board` measures the {len(corners.index)} of {total} corners that are clear)"
+    )
+
+
+def locate_board(image: ArrayLike, board: Checkerboard) -> BoardCorners:
+    """Find a checkerboard (chessboard), or a part of it, with the numbers and the uncertainty of its corners.
+
+    A board that is cut by the border of the image, or partly hidden by a hand or by glare, is measured as far as it is
+    seen, if it can be told which part that is: by the light rim that is seen beyond some of its sides, by the number of
+    lines, and by the colours.
+
+    Parameters
+    ----------
+    image : (height, width) uint8
+    board : Checkerboard
+        At least 3 columns and 3 rows.
+
+    Returns
+    -------
+    BoardCorners
+        With the order of `find_corners` if the whole board is seen.  `calibrate_joint` takes ``object_points`` and
+        ``image_points`` of views of different parts.
+
+    Raises
+    ------
+    ValueError
+        If the image is unusable or the board has fewer than 3 columns or rows.
+    DetectionError
+        If no 3 x 3 corners are seen, if it is not determined which part of the board they are, if they are not
+        of such a board, and as `find_corners` if the pattern goes on beyond the board or lines are shifted.
+
+    Notes
+    -----
+    A rim counts if the dark squares along it end one square beyond the outermost corners and it is light behind the light
+    squares; a sheet of light paper that covers the board exactly along a line of squares would pass for it.
+
+    Examples
+    --------
+    >>> from scipy.spatial.transform import RigidTransform
+    >>> import pegpose_lab as pl
+    >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
+    >>> board = pl.Checkerboard(columns=7, rows=5, square=20.0)
+    >>> image = pl.render_board(camera, RigidTransform.from_translation([-60.0, -20.0, 400.0]), board, rng=0)
+    >>> whole, part = pl.locate_board(image, board), pl.locate_board(image[:220], board)
+    >>> whole.whole, len(whole.index), len(part.index), bool(whole.sigmas.max() < 0.05)
+    (True, 35, 28, True)
+    """
+    image = _checked(image, board)
+    whole, refusal = _whole_board(image, board)
+    return whole or _board_part(image, board, refusal)
+
+
+def _checked(image, board):
+    """The image; raises ValueError if it or the board is unusable."""
     image = as_image(image)
     if min(board.columns, board.rows) < 3:
         raise ValueError(f"board has {board.columns} columns and {board.rows} rows; expected at least 3 of each")
+    return image
+
+
+def _whole_board(image, board):
+    """The corners of a whole board, or None and why the first grid of its size was refused (None if there was none)."""
     refusal = None
     for candidate in candidate_grids(image, board.columns, board.rows):
         try:
-            corners = _measure(image, *candidate)
+            corners, fits = _measure(image, *candidate)
         except DetectionError as error:
             refusal = refusal or error
         else:
             for check in (check_fields, check_ends):
                 check(image, corners.reshape(board.rows, board.columns, 2))
-            return corners
-    raise _not_found(image, board, refusal)
+            return BoardCorners(board, np.arange(len(corners)), corners, fits.covariance), None
+    return None, refusal
 
 
-def _not_found(image, board, refusal):
-    """The error for an image without the board: `refusal` if a grid of its size was refused, else what is seen."""
-    asked, seen = sorted((board.columns, board.rows)), _seen_size(image)
-    if refusal and (seen is None or sorted(seen) == asked):
-        return refusal
+def _board_part(image, board, refusal):
+    """The corners of what is seen of a board; raises `refusal` if nothing is, or no more than the grid that was refused."""
+    part = largest_part(image, board)
+    if part is None:
+        raise refusal or _nothing_seen(image, board)
+    try:
+        corners = number_part(image, board, part)
+    except DetectionError as error:
+        same = sorted(part.seen.shape) == sorted((board.columns, board.rows))
+        raise refusal if refusal and same else error from None
+    check_fields(image, corners.image_points[None])
+    if corners.whole:
+        check_ends(image, corners.image_points.reshape(board.rows, board.columns, 2))
+    return corners
+
+
+def _nothing_seen(image, board):
+    """The error for an image without any board."""
     height, width = image.shape
-    instead = f"; a board of {seen[0]} x {seen[1]} is seen" if seen else ""
     return DetectionError(
         f"no board of {board.columns} x {board.rows} inner corners in the {width} x {height} image (grey values "
-        f"{image.min()} to {image.max()}){instead}; show the whole board with a light rim, evenly lit and in "
-        "focus; check columns and rows"
+        f"{image.min()} to {image.max()}); {_ADVICE}"
     )
 
 
-def _seen_size(image):
-    """Numbers of columns and rows, the larger first, of the clear corners of any board that is seen, or None."""
-    grid, view = seen_grid(image)
-    if grid is None or min(grid.shape[:2]) < 3 or _edge_normals(grid)[1].min() < SMALLEST_PITCH:
-        return None
-    clear = ~_unclear(*_fit(view, grid, passes=1), grid).reshape(grid.shape[:2])
-    for _ in range(4):  # OpenCV may count a line along the rim
-        for _side in range(4):
-            if clear.shape[0] > 3 and clear[0].mean() < 0.6:
-                clear = clear[1:]
-            clear = np.rot90(clear)
-    return (max(clear.shape), min(clear.shape)) if clear.mean() > 0.9 else None
-
-
 def _measure(image, grid, view, scale, offset):
-    """The corners (n, 2), px of `image`, of a grid that was found in a view of it."""
+    """The corners (n, 2), px of `image`, of a grid that was found in a view of it, and their fits."""
     grid = _orient(view, grid)
-    if scale < 0.5 and _edge_normals(grid)[1].min() >= SMALLEST_PITCH:
-        grid = _refine(view, grid).reshape(grid.shape)
-    return _refine(image, (grid + 0.5) / scale - 0.5 + offset)
+    if scale < 0.5 and edge_normals(grid)[1].min() >= SMALLEST_PITCH:
+        grid = refine(view, grid)[0].reshape(grid.shape)
+    return refine(image, (grid + 0.5) / scale - 0.5 + offset)
 
 
 def _orient(image, grid):
@@ -149,92 +209,3 @@ def _first_cell_is_dark(image, grid):
     parity = 1.0 - 2 * ((row + column) % 2)
     values = image[y, x].astype(float)
     return np.sum(parity.ravel() * (values - values.mean())) < 0
-
-
-def _refine(image, grid):
-    """Fit every corner of an oriented grid (rows, columns, 2); return (n, 2) px."""
-    pitch = _edge_normals(grid)[1].min()
-    if pitch < SMALLEST_PITCH:
-        raise DetectionError(
-            f"neighbouring corners are down to {pitch:.1f} px apart; at least {SMALLEST_PITCH:g} px are "
-            "needed: bring the board closer or take a larger image"
-        )
-    corners, fits = _fit(image, grid)
-    _check(corners, fits, grid)
-    return corners
-
-
-def _fit(image, grid, passes=PASSES):
-    """Corners (n, 2), px, of a grid (rows, columns, 2), and their fits.
-
-    Window and start come from the grid at first, then from the corners, so the result depends on the image
-    alone.  All passes but the last are rough; they stop if more than a tenth of the corners are unclear.
-    """
-    corners = grid.reshape(-1, 2)
-    start = _edge_normals(grid)[0]
-    for count in range(passes):
-        pixels, offsets = np.rint(corners), corners - np.rint(corners)
-        _, pitch = _edge_normals(corners.reshape(grid.shape))
-        values, weights, lattice = _windows(image, pixels.astype(int), offsets, np.minimum(REACH * pitch, WINDOW))
-        fits = fit_corners(values, weights, lattice, np.column_stack([offsets, start]), rough=count < PASSES - 1)
-        corners, start = pixels + fits.parameters[:, :2], fits.parameters[:, 2:]
-        if _unclear(corners, fits, grid, converged=count < PASSES - 1).mean() > 0.1:
-            break
-    return corners, fits
-
-
-def _edge_normals(grid):
-    """Directions (n, 2) rad of the normals of the edges along columns and along rows, and the pitch (n,) px.
-
-    The first normal points along a row, the second along a column.
-    """
-    along_row, along_column = np.gradient(grid, axis=1), np.gradient(grid, axis=0)
-    pitch = np.minimum(np.linalg.norm(along_row, axis=2), np.linalg.norm(along_column, axis=2))
-    first = np.arctan2(-along_column[..., 0], along_column[..., 1])
-    second = np.arctan2(along_row[..., 0], -along_row[..., 1])
-    return np.column_stack([first.ravel(), second.ravel()]), pitch.ravel()
-
-
-def _windows(image, pixels, offsets, radii):
-    """Grey values and weights (n, k) in windows around pixels, and the windows' lattice (2, k).
-
-    The weight is 1 within the radius around pixel + offset and falls to 0 over one px; outside of the image it
-    is 0.
-    """
-    half = int(np.ceil(radii.max() + 1.3))  # an offset is up to 0.71 px
-    lattice = np.indices((2 * half + 1, 2 * half + 1)).reshape(2, -1)[::-1] - half
-    lattice = lattice[:, np.hypot(*lattice) <= half]
-    x, y = (pixels[:, :, None] + lattice).transpose(1, 0, 2)
-    height, width = image.shape
-    seen = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    distances = np.hypot(*(lattice - offsets[:, :, None]).transpose(1, 0, 2))
-    weights = seen * np.clip(radii[:, None] - distances + 0.5, 0.0, 1.0)
-    values = image[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)].astype(float)
-    return values, weights, lattice.astype(float)
-
-
-def _unclear(corners, fits, grid, converged=False):
-    """Which corners (n,) ran away, did not converge, are covered, or have the colours of their neighbours.
-
-    With `converged` all fits count as converged (for a rough fit).
-    """
-    row, column = np.divmod(np.arange(len(corners)), grid.shape[1])
-    amplitude = fits.parameters[:, 6]
-    signs = np.sign(amplitude) * (1 - 2 * ((row + column) % 2))
-    majority = 1.0 if np.sum(signs) > 0 else -1.0
-    moved = np.linalg.norm(corners - grid.reshape(-1, 2), axis=1)
-    unclear = ~(fits.converged | converged) | (signs != majority) | (moved > LARGEST_MOVE * _edge_normals(grid)[1])
-    faint = np.abs(amplitude) < SMALLEST_CONTRAST * np.median(np.abs(amplitude))
-    misfit = fits.misfit > max(LARGEST_MISFIT, 3 * np.median(fits.misfit))
-    return unclear | faint | misfit | (fits.sigma > LARGEST_SIGMA)
-
-
-def _check(corners, fits, grid):
-    """Raise if a corner is unclear."""
-    bad = grid.reshape(-1, 2)[_unclear(corners, fits, grid)]
-    if len(bad):
-        places = ", ".join(f"({x:.0f}, {y:.0f})" for x, y in bad[:3])
-        raise DetectionError(
-            f"{len(bad)} of {len(corners)} corners are not clear crossings of two edges, near {places} px; look "
-            "there for glare, dirt or something in front of the board"
-        )

@@ -56,6 +56,8 @@ class CornerFits:
         x, y (px from the window's middle), the normals' directions (rad), v (px^2), m, a, g_x, g_y.
     sigma : (n,) ndarray
         px, standard deviation of the corner along its worse axis, from the window's residuals.
+    covariance : (n, 2, 2) ndarray
+        px^2, of the corner's x and y, from the same residuals.
     misfit : (n,) ndarray
         Residuals (root mean square) over |a|.
     converged : (n,) bool ndarray
@@ -64,6 +66,7 @@ class CornerFits:
 
     parameters: np.ndarray
     sigma: np.ndarray
+    covariance: np.ndarray
     misfit: np.ndarray
     converged: np.ndarray
 
@@ -102,12 +105,13 @@ def fit_corners(
     damping, active = np.full(len(start), 1e-3), np.arange(len(start))
     current = _equations(parameters, values, weights, lattice)
     sigma, cost, converged = np.zeros(len(start)), current[2].copy(), np.zeros(len(start), bool)
+    covariance = np.zeros((len(start), 2, 2))
     freedom = np.maximum(weights.sum(axis=1) - parameters.shape[1], 1)
     for count in range(_GAUSS_NEWTON_STEPS if rough else _STEPS):
         normal, right, _ = current
         if count >= _GAUSS_NEWTON_STEPS:
             normal = _second_derivatives(parameters[active], values[active], weights[active], lattice, normal)
-        step, spread = _step(parameters[active], normal, right, damping[active])
+        step, spread, scatter = _step(parameters[active], normal, right, damping[active])
         trial = parameters[active] + step
         trial[:, _BLUR] = np.clip(trial[:, _BLUR], LEAST_VARIANCE, LARGEST_VARIANCE)
         tried = _equations(trial, values[active], weights[active], lattice)
@@ -116,6 +120,7 @@ def fit_corners(
         for new, old in zip(tried, current, strict=True):
             old[better] = new[better]
         sigma[active] = spread * np.sqrt(current[2] / freedom[active])
+        covariance[active] = scatter * (current[2] / freedom[active])[:, None, None]
         cost[active] = current[2]
         small = np.abs(step[:, :2]).max(axis=1) <= tolerance * sigma[active] + _ROUNDING
         converged[active] = small & (damping[active] <= 1.0)  # a strongly damped step is always small
@@ -125,7 +130,7 @@ def fit_corners(
         if not active.size:
             break
     misfit = np.sqrt(cost / np.maximum(weights.sum(axis=1), 1)) / np.maximum(np.abs(parameters[:, 6]), 1e-9)
-    return CornerFits(parameters, sigma, misfit, converged)
+    return CornerFits(parameters, sigma, covariance, misfit, converged)
 
 
 def _first_guess(values, weights, lattice, start):
@@ -162,7 +167,7 @@ def _second_derivatives(parameters, values, weights, lattice, normal):
 
 
 def _step(parameters, normal, right, damping):
-    """Damped steps (n, 9), and the corners' standard deviation (n,) for residuals of 1."""
+    """Damped steps (n, 9), and the corners' standard deviation (n,) and covariance (n, 2, 2) for residuals of 1."""
     normal, right = normal.copy(), right.copy()
     variance, pull = parameters[:, _BLUR], right[:, _BLUR]
     pressed = (variance <= LEAST_VARIANCE) & (pull < 0) | (variance >= LARGEST_VARIANCE) & (pull > 0)
@@ -175,7 +180,7 @@ def _step(parameters, normal, right, damping):
     worst = np.linalg.eigvalsh(covariance)[:, 1]
     limits = np.tile(_STEP_LIMITS, (len(step), 1))
     limits[:, _BLUR] += 0.5 * np.abs(variance)
-    return np.clip(step, -limits, limits), np.sqrt(np.maximum(worst, 0.0))
+    return np.clip(step, -limits, limits), np.sqrt(np.maximum(worst, 0.0)), covariance
 
 
 def edge_crossing(

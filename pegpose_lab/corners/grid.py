@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 COARSE, MEDIUM, FINE = 0.25e6, 0.6e6, 4e6  # px, the sizes of image that are searched
 LARGEST_ENLARGEMENT = 2.0
 SMALLEST_IMAGE = 14  # px along a side
+_NORMALIZED = cv2.CALIB_CB_NORMALIZE_IMAGE
 _SEVEN = np.ones((7, 7), np.uint8)
 
 
@@ -53,23 +54,27 @@ def candidate_grids(
                     yield grid, view, scale, offset
 
 
-def seen_grid(image: NDArray[np.uint8]) -> tuple[NDArray[np.float64] | None, NDArray[np.uint8]]:
-    """The largest grid of corners (rows, columns, 2) that is seen in a reduced image, or None; and that image."""
-    view = _resized(image, COARSE)[0]
-    if min(view.shape) < SMALLEST_IMAGE:
-        return None, view
-    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_LARGER
-    found, corners, cells = cv2.findChessboardCornersSBWithMeta(view, (3, 3), flags=flags)
-    grid = np.asarray(corners, np.float64).reshape(*cells.shape, 2) if found else None
-    return (grid if found and _is_plausible(grid, view.shape) else None), view
+def seen_grids(
+    image: NDArray[np.uint8],
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.uint8], float, NDArray[np.float64]]]:
+    """Yield the largest grid of 3 x 3 corners or more that OpenCV sees in each view, as `candidate_grids` does."""
+    if min(image.shape) < SMALLEST_IMAGE:
+        return
+    for view, scale, offset, _ in _views(image):
+        found, corners, cells = cv2.findChessboardCornersSBWithMeta(
+            view, (3, 3), flags=_NORMALIZED | cv2.CALIB_CB_LARGER
+        )
+        if found:
+            grid = np.asarray(corners, np.float64).reshape(*cells.shape, 2)
+            if _is_plausible(grid, view.shape):
+                yield grid, view, scale, offset
 
 
 def _views(image):
     """The images to be searched, their scales and offsets, and the detectors for each."""
-    normalized = cv2.CALIB_CB_NORMALIZE_IMAGE
-    sectors = cv2.findChessboardCornersSB, normalized
+    sectors = cv2.findChessboardCornersSB, _NORMALIZED
     exhaustive = cv2.findChessboardCornersSB, cv2.CALIB_CB_EXHAUSTIVE
-    quads = cv2.CALIB_CB_ADAPTIVE_THRESH | normalized | cv2.CALIB_CB_FAST_CHECK  # without: 0.5 s for a lens cap
+    quads = cv2.CALIB_CB_ADAPTIVE_THRESH | _NORMALIZED | cv2.CALIB_CB_FAST_CHECK  # without: 0.5 s for a lens cap
     yield *_resized(image, COARSE), np.zeros(2), [sectors, (cv2.findChessboardCorners, quads), exhaustive]
     yield *_resized(image, MEDIUM), np.zeros(2), [sectors]
     if image.size > MEDIUM:
