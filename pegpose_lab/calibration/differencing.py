@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from ..camera import by_direction, by_turn, lens_covariance, lens_derivative
 from ..checks import CalibrationError, as_choice, as_number, undetermined_if_singular
 from .image_map import COLUMNS, ImageMap, image_grid
-from .lens_derivative import by_direction, by_turn, lens_covariance, lens_derivative
 from .result import Calibration
 from .uncertainty import as_distance, unit_rays
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..camera import lens_covariance
 from ..checks import CalibrationError, as_choice, as_count, as_views
 from .differencing import ROUNDING, difference
 from .image_map import COLUMNS, ImageMap
-from .lens_derivative import lens_covariance
 from .result import MINIMUM_POINTS
 
 if TYPE_CHECKING:

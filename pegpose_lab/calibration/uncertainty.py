@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..camera import by_direction, by_turn, lens_covariance, lens_derivative
 from ..checks import as_choice, as_number, as_points, undetermined_if_singular
 from .image_map import COLUMNS, ImageMap, image_grid
-from .lens_derivative import by_direction, by_turn, lens_covariance, lens_derivative
 from .result import pose_names
 
 if TYPE_CHECKING:

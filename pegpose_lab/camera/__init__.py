@@ -4,6 +4,7 @@ A lens model is one file here, with the methods that `pinhole` lists.
 """
 
 from .fisheye import FisheyeCamera, equidistant
+from .lens_derivative import by_direction, by_turn, lens_covariance, lens_derivative
 from .opencv import OpenCVCamera
 from .pinhole import UNKNOWN_SIZE
 from .radial import distort_radius, max_undistorted_radius
@@ -21,7 +22,11 @@ __all__ = [
     "TsaiCamera",
     "UNKNOWN_SIZE",
     "as_sensor",
+    "by_direction",
+    "by_turn",
     "distort_radius",
     "equidistant",
+    "lens_covariance",
+    "lens_derivative",
     "max_undistorted_radius",
 ]

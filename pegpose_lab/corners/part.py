@@ -109,7 +109,7 @@ def _slope(steps):
 def _trimmed(grid, seen):
     """The smallest rectangle with two corners or more on each of its outermost lines; empty if it has too few lines."""
     for _ in range(2 * sum(seen.shape)):
-        for turn in range(4):
+        for _turn in range(4):
             while len(seen) and seen[0].sum() < FEWEST_ON_A_LINE:
                 grid, seen = grid[1:], seen[1:]
             grid, seen = np.rot90(grid), np.rot90(seen)

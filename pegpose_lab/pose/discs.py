@@ -174,15 +174,23 @@ class DiscImages:
     def by_pose(self) -> NDArray[np.float64]:
         """Derivatives (n, 3, 6) of centres and radii by the pose: see `moved` in `fit`."""
         (x, y, z), (u, v, w) = self.arms.transpose(2, 0, 1), self.pulls.transpose(2, 0, 1)
-        changes = np.stack([u, v, w, y * w - z * v, z * u - x * w, x * v - y * u], axis=2)
-        of_radii = changes.mean(axis=1) * (np.sign(self.areas) / self.radii)[:, None]
-        return np.concatenate([self._of_centers(changes), of_radii[:, None]], axis=1)
+        return self._of_outlines(np.stack([u, v, w, y * w - z * v, z * u - x * w, x * v - y * u], axis=2))
+
+    def by_outline(self, derivatives: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives (n, 3, k) of centres and radii from those (n, m, 2, k) of the points of the outlines."""
+        normals = (_DERIVATIVE @ self.offsets)[..., ::-1] * (1, -1)  # (dy, -dx)
+        return self._of_outlines(np.einsum("nmi,nmik->nmk", normals, derivatives))
 
     def by_place(self) -> NDArray[np.float64]:
         """Derivatives (n, 3, 3) of centre and area, as stated above, by the disc's own x, y and radius, mm."""
         in_plane = self.pulls @ self.rotation[:, :2]
         changes = np.concatenate([in_plane, np.sum(in_plane * _RIM, axis=2, keepdims=True)], axis=2)
         return np.concatenate([self._of_centers(changes), changes.mean(axis=1)[:, None]], axis=1)
+
+    def _of_outlines(self, changes):
+        """Changes (n, 3, k) of centres and radii from those (n, m, k) of dx dy - dy dx."""
+        of_radii = changes.mean(axis=1) * (np.sign(self.areas) / self.radii)[:, None]
+        return np.concatenate([self._of_centers(changes), of_radii[:, None]], axis=1)
 
     def _of_centers(self, changes):
         """Changes (n, 2, k) of the centres from those (n, m, k) of dx dy - dy dx."""

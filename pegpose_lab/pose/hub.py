@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,9 +13,13 @@ from .discs import Pose, back_project_discs, place_discs, pose_of
 from .fit import NEAR, approach, descend, fit_in_plane, fit_pose
 from .observed import observed_discs, other_parts
 from .two_poses import choose, flags_of, mirrored_fit
+from .uncertainty import Causes, budget_of
 
 if TYPE_CHECKING:
-    from ..camera import OpenCVCamera, TsaiCamera
+    from numpy.typing import ArrayLike
+
+    from ..calibration import Calibration
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
     from ..patterns import RingPattern
     from ..pegs import PegObservation
     from ..targets import Hub
@@ -54,8 +58,11 @@ class HubPose:
     covariance : (6, 6) ndarray or None
         Of the pose in the order (x, y, z, rotation vector), mm and rad: of a left perturbation in the frame that has the
         axes of the camera and its origin at the hub's.  The first three are those of ``cam_from_hub.translation``.  It
-        follows from the pegs' sigmas alone, the camera being exact, and the plane too if there is one (rank 3 then).
-        None if the observation has no sigmas; infinite on the diagonal where they do not determine the pose.
+        is the sum of the `budget`.  None if the observation has no sigmas; infinite on the diagonal where they do not
+        determine the pose.
+    budget : dict of (6, 6) ndarray
+        The covariance by cause: "discs" (with an exact camera, and an exact plane if there is one: rank 3 then), "part",
+        "calibration" and "plane", as far as `estimate_pose` was told of them.
 
     Examples
     --------
@@ -83,6 +90,7 @@ class HubPose:
     used: np.ndarray
     chi2: float
     covariance: np.ndarray | None = None
+    budget: dict[str, np.ndarray] = field(default_factory=dict)
     alternative: RigidTransform | None = None
     log_likelihood_ratio: float = np.inf
     flags: tuple[Flag, ...] = ()
@@ -95,10 +103,13 @@ class HubPose:
 
 def estimate_pose(
     observation: PegObservation,
-    camera: TsaiCamera | OpenCVCamera,
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera | Calibration,
     hub: Hub | RingPattern,
     *,
     plane: RigidTransform | None = None,
+    plane_view: int | None = None,
+    plane_covariance: ArrayLike | None = None,
+    part_sigma: float = 0.0,
 ) -> HubPose:
     r"""Estimate the pose of the hub, or of a ring, (its extrinsics) from its pegs in one image.
 
@@ -116,12 +127,21 @@ def estimate_pose(
         px, of the centres, infinite for a peg that was not seen (without them all pegs count alike, and there is no
         covariance); `peg_radius_sigmas` (n,), px, without which the radii are not used.  Of a `Hub` without `plane` also
         `screw_centers` and `bore_center`: they lie at another height and tell the two poses of a plane apart.
-    camera : TsaiCamera or OpenCVCamera
+    camera : camera or Calibration
+        A `Calibration` also gives the uncertainty of the camera's parameters.
     hub : Hub or RingPattern
         A ring's lengths must be in mm.
     plane : RigidTransform, optional
         cam_from_plane of the plane of the peg tops, its z axis away from the camera.  With it the pose has the
         paper's three degrees of freedom x, y and theta; without it all six.
+    plane_view : int, optional
+        The view of the calibration whose pose the plane shares: a board that lies in it, or at a known height.  The errors
+        of this pose and of the camera's parameters go together.
+    plane_covariance : (6, 6) array_like, optional
+        Of the plane's pose if it is known from elsewhere, in the order and the frame of `HubPose.covariance`, at the
+        plane's own origin.
+    part_sigma : float
+        Standard deviation, mm, of a peg's place on the part, per axis, and of its radius.
 
     Returns
     -------
@@ -154,6 +174,8 @@ def estimate_pose(
     >>> round(pose.theta, 2)  # half a turn from 0.3: in one image, opposite screws leave both
     -2.84
     """
+    causes = Causes.checked(camera, plane, plane_view, plane_covariance, part_sigma)
+    camera = getattr(camera, "camera", camera)
     discs, seen, used, known = observed_discs(observation, hub)
     if plane is None:
         frame = Pose(np.eye(3), np.zeros(3))
@@ -168,6 +190,7 @@ def estimate_pose(
     images = fit.images if used.all() else seen.images(fit.pose, camera)
     residuals = images.centers - seen.measured
     tops, tops_radii = _tops(seen, camera, fit.pose, images, residuals)
+    budget = budget_of(fit, discs, np.linalg.pinv(discs.information), causes) if known else {}
     x, y, _ = frame.rotation.T @ (translation - frame.translation)
     cos, sin, _ = frame.rotation.T @ rotation[:, 0]
     return HubPose(
@@ -180,7 +203,8 @@ def estimate_pose(
         residuals=residuals,
         used=used,
         chi2=fit.cost,
-        covariance=fit.covariance(np.linalg.pinv(discs.information)) if known else None,
+        covariance=sum(budget.values()) if known else None,
+        budget=budget,
         alternative=None if other is None else _transform(other.pose),
         log_likelihood_ratio=ratio,
         flags=flags_of(ratio),

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from .opencv import OpenCVCamera
+    from .tsai import TsaiCamera
 
 STEP, SMALLEST_STEP = 1e-2, 1e-6
 """A parameter's step for the central difference: a hundredth of its sigma, over which the projection is straight, but
@@ -24,6 +25,15 @@ def lens_covariance(camera: TsaiCamera | OpenCVCamera, covariance: pd.DataFrame)
 
     The others are poses, and what is estimated of the board, as its warp: these do not move the image of a fixed
     point in the camera frame.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from pegpose_lab import TsaiCamera
+    >>> camera = TsaiCamera(8.0, (0.01, 0.01), (319.5, 239.5), (640, 480))
+    >>> names = ["focal_length", "rx_0"]
+    >>> lens_covariance(camera, pd.DataFrame(np.eye(2), names, names)).index.tolist()
+    ['focal_length']
     """
     names = [name for name in covariance.index if name in camera.parameters]
     return covariance.loc[names, names]
@@ -40,6 +50,15 @@ def lens_derivative(
     ------
     CalibrationError
         If the lens has no image of a direction, with parameters within their uncertainty.
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from pegpose_lab import TsaiCamera
+    >>> camera = TsaiCamera(8.0, (0.01, 0.01), (319.5, 239.5), (640, 480))
+    >>> own = pd.DataFrame([[1e-4]], ["focal_length"], ["focal_length"])
+    >>> lens_derivative(camera, own, np.array([[0.1, 0.0]])).round(6).tolist()  # 0.1 / 0.01 px per mm
+    [[[10.0], [0.0]]]
     """
     values, columns = camera.parameters, []
     for name, variance in zip(own.index, np.diagonal(own), strict=True):
@@ -63,7 +82,15 @@ def lens_derivative(
 
 
 def by_direction(camera: TsaiCamera | OpenCVCamera, rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivatives (n, 2, 3) of image points, px, by the viewing directions (n, 3) themselves, of whatever length."""
+    """Derivatives (n, 2, 3) of image points, px, by the viewing directions (n, 3) themselves, of whatever length.
+
+    Examples
+    --------
+    >>> from pegpose_lab import TsaiCamera
+    >>> camera = TsaiCamera(8.0, (0.01, 0.01), (319.5, 239.5), (640, 480))
+    >>> by_direction(camera, np.array([[0.0, 0.0, 2.0]])).round(6).tolist()
+    [[[400.0, 0.0, 0.0], [0.0, 400.0, 0.0]]]
+    """
     depth = rays[:, 2:]
     by_normalized = camera.image_and_derivative(rays[:, :2] / depth)[1]
     by_ray = np.zeros((len(rays), 2, 3))
@@ -73,5 +100,11 @@ def by_direction(camera: TsaiCamera | OpenCVCamera, rays: NDArray[np.float64]) -
 
 
 def by_turn(by_ray: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivatives (n, 2, 3) by a small rotation vector of the rays about the camera's axes."""
+    """Derivatives (n, 2, 3) by a small rotation vector of the rays about the camera's axes.
+
+    Examples
+    --------
+    >>> by_turn(np.array([[[400.0, 0, 0], [0, 400.0, 0]]]), np.array([[0.0, 0, 1]])).tolist()
+    [[[0.0, 400.0, 0.0], [-400.0, 0.0, 0.0]]]
+    """
     return np.cross(rays[:, None, :], by_ray)  # d . (w x r) = w . (r x d)
