@@ -12,6 +12,7 @@ from pegpose_lab import __main__ as commands
 from pegpose_lab import bench
 from pegpose_lab.bench import FULL, QUICK, aims, peers, scenes, to_text, write
 from pegpose_lab.bench import report as report_file
+from pegpose_lab.bench.chain import COLUMNS
 from pegpose_lab.bench.plan import Report
 from pegpose_lab.bench.report import load, readme_is_current
 from pegpose_lab.lab import environment, installers
@@ -38,7 +39,8 @@ def _report(**changes):
     genetic = genetic.assign(reached=100.0, de_reached=[100.0, 100.0, 90.0])
     tables = circles, methods, sizes, joint, genetic
     rivals = pd.DataFrame({"method": ["linear only", "GA"], "evaluations": [np.nan, 6060.0], "ms": [1.0, 50.0]})
-    return Report(*tables, rivals, aims.judge(*tables))
+    chain = pd.DataFrame([("linear", 9, 5.0, 200.0, 0.01, 0.02, np.nan)], columns=COLUMNS)
+    return Report(*tables, rivals, chain, aims.judge(*tables))
 
 
 EVERY_SCENE = [scene.name for scene in scenes.SCENES]
@@ -110,7 +112,7 @@ def test_report_is_written_whole_and_read_back(tmp_path):
     assert "| 2 photographs | 50 | 25 | 2 | 100 | 90 |" in text and "| linear only |  | 1 |" in text
     assert "before the run" not in text and "EdgeDrawing: not measured, not installed." in text and "1.05" in text
     assert readme_is_current(readme, tmp_path / "results")
-    tables = ("circles", "methods", "sizes", "joint", "genetic", "rivals", "targets")
+    tables = ("circles", "methods", "sizes", "joint", "genetic", "rivals", "chain", "targets")
     names = {f"bench_{name}.{kind}" for name in tables for kind in ("csv", "tex")}
     assert {path.name for path in (tmp_path / "results").iterdir()} == names
     pd.testing.assert_frame_equal(load(tmp_path / "results").circles, report.circles)
