@@ -13,6 +13,7 @@ from . import peers
 from .aims import judge
 from .calibration import measure_genetic, measure_joint, measure_rivals
 from .calibrators import measure_calibrators
+from .chain import measure_chain
 from .resources import describe_methods, measure_sizes
 from .scenes import MAIN, OTHER, TARGET_NOISE
 from .score import measure
@@ -24,7 +25,8 @@ WORKERS = 2
 @dataclass(frozen=True)
 class Plan:
     """The amount of work: {scene: (frames, noise levels)}, sizes in megapixels, numbers of views, seeds of the genetic
-    algorithm, methods, methods whose memory is measured, repeats of timed calls, and splits of views into halves."""
+    algorithm, methods, methods whose memory is measured, repeats of timed calls, splits of views into halves, and frames of
+    the paper's experiment."""
 
     cells: dict
     sizes: tuple
@@ -34,6 +36,7 @@ class Plan:
     memory: tuple = tuple(peers.COMPARED)
     repeats: int = 3
     splits: int = 10
+    chain: int = 45
 
 
 FULL = Plan(
@@ -42,7 +45,9 @@ FULL = Plan(
     (5, 13, 25, 50, 100, 200),
     10,
 )
-QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, memory=(peers.OURS,), repeats=1, splits=2)
+QUICK = Plan(
+    dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, memory=(peers.OURS,), repeats=1, splits=2, chain=3
+)
 
 
 # ---- the report ----
@@ -52,7 +57,7 @@ QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, me
 class Report:
     """Tables of a run: `circles` (`summarize`), `methods` (`describe_methods`), `sizes` (`measure_sizes`), `joint`
     (`measure_joint`), `genetic` (`measure_genetic`), `rivals` (`measure_rivals`), `calibrators`
-    (`measure_calibrators`), `targets` (`judge`)."""
+    (`measure_calibrators`), `chain` (`measure_chain`), `targets` (`judge`)."""
 
     circles: pd.DataFrame
     methods: pd.DataFrame
@@ -61,6 +66,7 @@ class Report:
     genetic: pd.DataFrame
     rivals: pd.DataFrame
     calibrators: pd.DataFrame
+    chain: pd.DataFrame
     targets: pd.DataFrame
 
 
@@ -79,5 +85,6 @@ def run(plan: Plan = FULL, *, workers: int = WORKERS) -> Report:
     genetic = measure_genetic(seeds=plan.seeds)
     rivals = measure_rivals(repeats=plan.repeats)
     calibrators = measure_calibrators(splits=plan.splits, repeats=plan.repeats)
+    chain = measure_chain(plan.chain, repeats=plan.repeats)
     targets = judge(circles, methods, sizes, joint, genetic)
-    return Report(circles, methods, sizes, joint, genetic, rivals, calibrators, targets)
+    return Report(circles, methods, sizes, joint, genetic, rivals, calibrators, chain, targets)

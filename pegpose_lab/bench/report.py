@@ -17,7 +17,7 @@ from .scenes import BLUR, MAIN, SCENES, TARGET_NOISE
 
 
 def write(report: Report, folder: Path, readme: Path | None = None) -> None:
-    """Write bench_circles, _methods, _sizes, _joint, _genetic, _rivals, _calibrators and _targets (.csv and .tex).
+    """Write bench_circles, _methods, _sizes, _joint, _genetic, _rivals, _calibrators, _chain and _targets (.csv and .tex).
 
     Parameters
     ----------
@@ -69,7 +69,15 @@ def to_markdown(report: Report) -> str:
     )
     parts += _folded("Every scene in full", _scenes(circles))
     parts += _folded("Calibration: the joint one, the genetic algorithm, and its rivals", _calibration(report))
+    parts += _folded("From a frame to a pose with its covariance", _chain(report.chain))
     return "\n\n".join(parts)
+
+
+def _chain(chain):
+    """A title and the table of `measure_chain`."""
+    head = ["method", "frames", "ms", "frames a second", "x, y, mm", "z, mm", "rms of error / sigma"]
+    note = "**chain**: frames of the paper's experiment, one thread; position of the hub in six degrees of freedom"
+    return [note, results.markdown([head, *(_shown(row) for row in chain.to_numpy())], "lrrrrrr")]
 
 
 def _folded(title, parts):

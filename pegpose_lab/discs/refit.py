@@ -83,7 +83,7 @@ def _refit(shape, sectors, log_s, contrast, noise):
         shared = _same_chi2(moments, level, step_up, count, noise[disc])
         if number < FREEZE:
             needed = (shared * count - free.chi2 * (count - 4) > OWN_EXCESS) | (shared > limit)
-            own = np.where((number >= alone)[disc], needed, own)
+            own = np.where((active & (number >= alone))[disc], needed, own)
         fits = _share_that_fits(free, limit, contrast[disc], sectors.medians(free.chi2)[disc])
         visible = np.bincount(disc, np.where(own, fits, 1), n) / np.bincount(disc, minlength=n)
         hidden = active & (visible < MIN_VISIBLE)
@@ -99,20 +99,6 @@ def _refit(shape, sectors, log_s, contrast, noise):
         result.ellipse = base.moved(*moved[:, :5].T)
         result.log_s, levels = np.clip(base_s + moved[:, 5], -1.5, 2.0), levels + step[:, 6:]
         result.reasons[active & (_distance(result.ellipse, start) > RING)] = "does not converge"
-        if last.any():
-            chi2 = np.where(own, free.chi2, shared)
-            known = np.where(own, 0, np.maximum(chi2, tolerated))
-            middle = _common_normal(moments, levels, sectors, known)[:, :12, :12] + held[:, :, None] * np.eye(12)
-            own_noise = _own_sums((weights**2 * free.contrast**2 * chi2 * own)[None], free, sectors)[:, 0, :, :6]
-            displaced, slopes = _radial_scores(moments, *_common_levels(levels, sectors), free, own, weights)
-            information = slopes * np.where(own, weights**2 * chi2, known) * noise[disc] ** 2
-            for i in np.flatnonzero(last):
-                part, variance = sectors.spans[i], noise[i] ** 2
-                excess = _excess(displaced[None, part], information[None, part])[0]
-                both = variance * middle[i], variance * own_noise[i]
-                result.covariance[i] = _stated(normal[i], *both, scores[:, part], excess)
-                share = np.maximum(weights * count, 1e-9)[part]
-                result.variance[i] = variance * (chi2[part] @ share) / share.sum()
         active &= ~last & (result.reasons == "")
         if not active.any():
             break
@@ -122,8 +108,27 @@ def _refit(shape, sectors, log_s, contrast, noise):
         if follow.any():
             _shift_moments(moments, np.where(follow[:, None], step[:, :6], 0)[disc])
     result.reasons[active] = "does not converge"
+    _state(result, moments, levels, sectors, held, noise, tolerated, free, own, weights, (shared, normal, scores))
     result.reasons[(result.reasons == "") & ~_inside(result.ellipse, shape)] = "leaves the image"
     return result
+
+
+def _state(result, moments, levels, sectors, held, noise, tolerated, free, own, weights, last):
+    """Set covariance and variance of the discs that are done, from what the `last` step was made of."""
+    shared, normal, scores = last
+    chi2, noise_of = np.where(own, free.chi2, shared), noise[sectors.disc]
+    known = np.where(own, 0, np.maximum(chi2, tolerated))
+    middle = _common_normal(moments, levels, sectors, known)[:, :12, :12] + held[:, :, None] * np.eye(12)
+    own_noise = _own_sums((weights**2 * free.contrast**2 * chi2 * own)[None], free, sectors)[:, 0, :, :6]
+    displaced, slopes = _radial_scores(moments, *_common_levels(levels, sectors), free, own, weights)
+    information = slopes * np.where(own, weights**2 * chi2, known) * noise_of**2
+    shares = np.maximum(weights * sectors.count, 1e-9)
+    for i in np.flatnonzero(result.reasons == ""):
+        part, variance = sectors.spans[i], noise[i] ** 2
+        excess = _excess(displaced[None, part], information[None, part])[0]
+        both = variance * middle[i], variance * own_noise[i]
+        result.covariance[i] = _stated(normal[i], *both, scores[:, part], excess)
+        result.variance[i] = variance * (chi2[part] @ shares[part]) / shares[part].sum()
 
 
 def _stated(normal, shared_noise, own_noise, scores, excess):

@@ -38,38 +38,46 @@ def _ring_pixels(image, ellipses, widths):
 
     An ellipse's rows follow each other; origins and levels are whole numbers.
     """
-    rings = [_ring_indices(ellipses[i], image.shape, widths[i]) for i in range(len(ellipses.r))]
-    origin, level = np.rint(np.stack([ellipses.x, ellipses.y], axis=1)), np.zeros(len(rings))
-    disc = np.repeat(np.arange(len(rings)), [max(-(-len(ring[0]) // CHUNK), 1) for ring in rings])
+    columns, rows, sizes = _ring_indices(ellipses, image.shape, widths)
+    n, chunks = len(sizes), np.maximum(-(-sizes // CHUNK), 1)
+    disc, owner = np.repeat(np.arange(n), chunks), np.repeat(np.arange(n), sizes)
+    origin = np.rint(np.stack([ellipses.x, ellipses.y], axis=1))
+    grey = image.ravel().take(rows * image.shape[1] + columns)
+    level = np.rint(np.bincount(owner, grey, n) / np.maximum(sizes, 1))
+    steps = CHUNK * (np.cumsum(chunks) - chunks) - (np.cumsum(sizes) - sizes)
+    places = np.arange(len(owner)) + np.repeat(steps, sizes)
     x, y, values, used = np.zeros((4, len(disc) * CHUNK), np.float32)
-    x[:] = np.repeat(ellipses.r, np.bincount(disc, minlength=len(rings)) * CHUNK)
-    firsts = np.searchsorted(disc, np.arange(len(rings))) * CHUNK
-    for i, ((columns, rows), first) in enumerate(zip(rings, firsts.tolist(), strict=True)):
-        part = slice(first, first + len(columns))
-        x[part], y[part], used[part] = columns - origin[i, 0], rows - origin[i, 1], 1
-        grey = image.ravel().take(rows * image.shape[1] + columns)
-        level[i] = np.rint(grey.mean()) if len(grey) else 0
-        values[part] = grey - np.float32(level[i])
+    x[:] = np.repeat(ellipses.r, chunks * CHUNK)
+    x[places], y[places], used[places] = columns - origin[owner, 0], rows - origin[owner, 1], 1
+    values[places] = grey - level[owner]
     x, y, values, used = (part.reshape(-1, CHUNK) for part in (x, y, values, used))
     return _Pixels(origin[disc], x, y, values, used, level[disc]), disc
 
 
-def _ring_indices(ellipse, shape, width=RING):
-    """Columns and rows of the pixels between the ellipses with semi-axes longer and shorter by `width` px."""
-    (a, b), cos, sin = ellipse.axes, np.cos(ellipse.angle), np.sin(ellipse.angle)
-    half = np.hypot((a + width) * sin, (b + width) * cos)
-    rows = np.arange(max(int(np.ceil(ellipse.y - half)), 0), min(int(ellipse.y + half), shape[0] - 1) + 1)
-    outer, inner = ((max(a + d, 0.1), max(b + d, 0.1)) for d in (width, -width))
-    middle, reach = _spans(rows - ellipse.y, *outer, cos, sin)
-    first = np.maximum(np.ceil(ellipse.x + middle - reach), 0)
-    end = np.minimum(np.floor(ellipse.x + middle + reach) + 1, shape[1])
-    middle, reach = _spans(rows - ellipse.y, *inner, cos, sin)
-    left = np.where(reach > 0, np.ceil(ellipse.x + middle - reach), end).clip(first, end)
-    right = np.where(reach > 0, np.floor(ellipse.x + middle + reach) + 1, end).clip(left, end)
-    first, counts = np.array([first, right]).ravel(), np.array([left - first, end - right]).ravel()
-    counts = np.maximum(counts, 0).astype(np.intp)
-    shift = first.astype(np.intp) - np.cumsum(counts) + counts
-    return np.arange(counts.sum()) + np.repeat(shift, counts), np.repeat(np.concatenate([rows, rows]), counts)
+def _ring_indices(ellipses, shape, widths):
+    """Columns and rows (m,) of the pixels between the ellipses with semi-axes longer and shorter by `widths` (n,) px, and how
+    many (n,) of them are each ellipse's, one after another: row by row those on the left, then those on the right."""
+    (a, b), cos, sin = ellipses.axes, np.cos(ellipses.angle), np.sin(ellipses.angle)
+    half = np.hypot((a + widths) * sin, (b + widths) * cos)
+    top = np.maximum(np.ceil(ellipses.y - half), 0).astype(np.intp)
+    heights = np.maximum(np.minimum(ellipses.y + half, shape[0] - 1).astype(np.intp) + 1 - top, 0)
+    owner = np.repeat(np.arange(len(a)), 2 * heights)
+    place = np.arange(len(owner)) - np.repeat(2 * (np.cumsum(heights) - heights), 2 * heights)
+    on_right = place >= heights[owner]
+    rows = top[owner] + np.where(on_right, place - heights[owner], place)
+    dy, x, cos, sin = rows - ellipses.y[owner], ellipses.x[owner], cos[owner], sin[owner]
+    outer, inner = ((np.maximum(a + d, 0.1)[owner], np.maximum(b + d, 0.1)[owner]) for d in (widths, -widths))
+    middle, reach = _spans(dy, *outer, cos, sin)
+    first = np.maximum(np.ceil(x + middle - reach), 0)
+    end = np.minimum(np.floor(x + middle + reach) + 1, shape[1])
+    middle, reach = _spans(dy, *inner, cos, sin)
+    left = np.where(reach > 0, np.ceil(x + middle - reach), end).clip(first, end)
+    right = np.where(reach > 0, np.floor(x + middle + reach) + 1, end).clip(left, end)
+    first = np.where(on_right, right, first).astype(np.intp)
+    counts = np.maximum(np.where(on_right, end, left).astype(np.intp) - first, 0)
+    columns = np.arange(counts.sum()) + np.repeat(first - np.cumsum(counts) + counts, counts)
+    sizes = np.bincount(owner, counts, len(a)).astype(np.intp)
+    return columns, np.repeat(rows, counts), sizes
 
 
 def _spans(dy, a, b, cos, sin):

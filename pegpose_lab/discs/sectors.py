@@ -12,7 +12,7 @@ import numpy as np
 
 from .ellipse import _Ellipse
 from .model import QUANTISATION, _ingredients
-from .ring import _Pixels, _ring_indices
+from .ring import RING, _Pixels, _ring_indices
 
 N_SECTORS = np.array([24, 36, 48, 60, 78, 96])  # sectors of a refit, multiples of BLOCK
 SECTOR_ROW, LONGER_ROW = 72, 12  # pixels to which the rows of sectors are filled up, and further where there are more
@@ -52,8 +52,7 @@ def _sectors(image, ellipses):
     n = len(ellipses.r)
     numbers = N_SECTORS[np.abs(np.log(N_SECTORS * SECTOR_LENGTH / (2 * np.pi * ellipses.r[:, None]))).argmin(axis=1)]
     firsts = np.cumsum(numbers) - numbers
-    rings = [_ring(image, ellipses[i], int(numbers[i]), int(firsts[i])) for i in range(n)]
-    sector, *pixels = (np.concatenate(values) for values in zip(*rings, strict=True))
+    sector, *pixels = _ring(image, ellipses, numbers, firsts)
     order = np.argsort(sector, kind="stable")
     disc, count = np.repeat(np.arange(n), numbers), np.bincount(sector, minlength=numbers.sum())
     around = np.concatenate([_directions(number) for number in numbers], axis=1)
@@ -61,15 +60,19 @@ def _sectors(image, ellipses):
     return _Sectors(ellipses, disc, count, around, spans, _rows_of(ellipses, disc, count, sector, order, pixels))
 
 
-def _ring(image, ellipse, number, first):
-    """The sectors (m,) of the pixels of a ring, counted from `first`; their x and y from the ellipse's centre, and their
-    values from their mean, float32."""
-    columns, rows = _ring_indices(ellipse, image.shape)
-    x, y = (columns - ellipse.x).astype(np.float32), (rows - ellipse.y).astype(np.float32)
-    turn = cv2.phase(x, y).ravel() * np.float32(number / (2 * np.pi)) + np.float32(number / 2)  # from the direction -x
-    sector = np.where(turn >= number, turn - np.float32(number), turn).astype(np.int32)
-    grey = image.ravel().take(rows * image.shape[1] + columns).astype(np.float32)
-    return np.minimum(sector, number - 1) + np.int32(first), x, y, grey - (grey.mean() if len(grey) else 0)
+def _ring(image, ellipses, numbers, firsts):
+    """The sectors (m,) of the pixels of rings, each ring's counted from `firsts` (n,) and `numbers` (n,) in all; their x and
+    y from their ellipse's centre, and their values from their ring's mean, float32."""
+    columns, rows, sizes = _ring_indices(ellipses, image.shape, np.full(len(numbers), RING))
+    owner = np.repeat(np.arange(len(numbers)), sizes)
+    x, y = (columns - ellipses.x[owner]).astype(np.float32), (rows - ellipses.y[owner]).astype(np.float32)
+    count = numbers.astype(np.float32)[owner]
+    turn = cv2.phase(x, y).ravel() * np.float32(1 / (2 * np.pi))
+    turn += np.where(turn < 0.5, np.float32(0.5), np.float32(-0.5))  # from the direction -x
+    sector = np.minimum((turn * count).astype(np.int32), (numbers - 1).astype(np.int32)[owner])
+    grey = image.ravel().take(rows * image.shape[1] + columns)
+    mean = np.bincount(owner, grey, len(numbers)) / np.maximum(sizes, 1)
+    return sector + firsts.astype(np.int32)[owner], x, y, (grey - mean[owner]).astype(np.float32)
 
 
 def _rows_of(ellipses, disc, count, sector, order, pixels):

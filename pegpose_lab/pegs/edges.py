@@ -113,24 +113,33 @@ def _ellipses(centers, shapes):
 
 def _directed(field, outlines, offsets):
     """Gradient across the outlines at `offsets` (t,): strength and directedness (k, N_RAYS, t), inward positive."""
-    places = outlines.points[:, :, None] + outlines.along[:, :, None] * offsets[:, None]
-    k, flat = len(places), places.reshape(len(places) * N_RAYS, -1, 2).astype(np.float32)
+    points, along = outlines.points.astype(np.float32), outlines.along.astype(np.float32)
+    k, offsets = len(points), offsets.astype(np.float32)
+    places = np.empty((k, N_RAYS, len(offsets), 2), np.float32)
+    np.multiply(along[:, :, None], offsets[:, None], out=places)
+    places += points[:, :, None]
+    rows, most = places.reshape(k * N_RAYS, -1, 2), REMAP_LIMIT - 1
     sampled = [
-        cv2.remap(field.gradient, np.ascontiguousarray(part), None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-        for part in np.array_split(flat, len(flat) // REMAP_LIMIT + 1)
+        cv2.remap(field.gradient, rows[first : first + most], None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        for first in range(0, len(rows), most)
     ]
-    gradient = np.concatenate(sampled).reshape(k, N_RAYS, -1, 2)
-    strength = -np.einsum("kmtc,kmc->kmt", gradient, outlines.normals.astype(np.float32))
-    size = np.sqrt((gradient**2).sum(axis=3) + field.weak**2)
-    return strength, strength / size
+    gradient = (sampled[0] if len(sampled) == 1 else np.concatenate(sampled)).reshape(k, N_RAYS, -1, 2)
+    x, y = gradient[..., 0], gradient[..., 1]
+    normals = outlines.normals.astype(np.float32)
+    strength = x * -normals[:, :, :1] - y * normals[:, :, 1:]
+    return strength, strength / np.sqrt(x * x + y * y + np.float32(field.weak**2))
 
 
 def _signed(strength, directed, signs, offsets, reach):
     """Both with the discs' polarity: +1 bright, -1 dark, 0 what the rim near the outline says."""
-    near = np.exp(-0.5 * (offsets / reach) ** 2)
-    lean = [(np.maximum(sign * directed, 0) * near).max(axis=2).sum(axis=1) for sign in (1, -1)]
-    signs = np.where(signs == 0, np.where(lean[0] >= lean[1], 1, -1), signs)
-    return strength * signs[:, None, None], directed * signs[:, None, None], signs
+    if (signs == 0).any():
+        near = np.exp(-0.5 * (offsets / reach) ** 2)
+        lean = [(np.maximum(sign * directed, 0) * near).max(axis=2).sum(axis=1) for sign in (1, -1)]
+        signs = np.where(signs == 0, np.where(lean[0] >= lean[1], 1, -1), signs)
+    if (signs == 1).all():
+        return strength, directed, signs
+    factors = signs[:, None, None].astype(np.float32)
+    return strength * factors, directed * factors, signs
 
 
 def _rims(field, outlines, signs, reach, steps=None):
@@ -141,21 +150,22 @@ def _rims(field, outlines, signs, reach, steps=None):
     longest = float(outlines.px.max(initial=1.0)) * reach
     steps = steps or int(np.clip(np.ceil(longest / 0.75), 4, 24))
     offsets = np.linspace(-reach, reach, 2 * steps + 1)
-    strength, directed = _directed(field, outlines, np.concatenate([offsets, offsets[-1:] + reach / steps]))
-    strength, directed, signs = _signed(strength[:, :, :-1], directed[:, :, :-1], signs, offsets, reach / 2)
-    peak = np.zeros(strength.shape, bool)
-    peak[:, :, 1:-1] = (strength[:, :, 1:-1] > strength[:, :, :-2]) & (strength[:, :, 1:-1] >= strength[:, :, 2:])
-    value = np.where(peak & (directed > CLEAR), directed * np.exp(-0.5 * (offsets / (reach / 2)) ** 2), 0)
-    best_strength = np.where(value > 0, strength, 0).max(axis=2)
-    usual = np.sort(best_strength, axis=1)[:, int(0.8 * N_RAYS)][:, None, None]
-    value *= strength / (strength.clip(0) + WEAKER * usual + 1e-9)
-    best = np.clip(value.argmax(axis=2), 1, len(offsets) - 2)[:, :, None]
-    weights = np.take_along_axis(value, best, axis=2)[:, :, 0]
-    before, here, after = (np.take_along_axis(strength, best + step, axis=2)[:, :, 0] for step in (-1, 0, 1))
+    strength, directed = _directed(field, outlines, offsets)
+    strength, directed, signs = _signed(strength, directed, signs, offsets, reach / 2)
+    inner = strength[:, :, 1:-1]
+    peak = (inner > strength[:, :, :-2]) & (inner >= strength[:, :, 2:]) & (directed[:, :, 1:-1] > CLEAR)
+    value = peak * directed[:, :, 1:-1] * np.exp(-0.5 * (offsets[1:-1] / (reach / 2)) ** 2)
+    best_strength = (peak * inner).max(axis=2)
+    usual = np.partition(best_strength, int(0.8 * N_RAYS), axis=1)[:, int(0.8 * N_RAYS), None, None]
+    value *= inner / (np.maximum(inner, 0) + (WEAKER * usual + 1e-9))
+    best = value.argmax(axis=2) + 1
+    places = (np.arange(best.size) * len(offsets)).reshape(best.shape) + best
+    weights = value.max(axis=2)
+    before, here, after = (strength.ravel().take(places + step).astype(float) for step in (-1, 0, 1))
     bend = before - 2 * here + after
     shift = np.where(bend < 0, 0.5 * (before - after) / np.where(bend < 0, bend, 1), 0)
-    found = offsets[best[:, :, 0]] + np.clip(shift, -0.5, 0.5) * (offsets[1] - offsets[0])
-    return _Rims(found, np.where(weights > 0, weights, 0), here), signs
+    found = offsets[best] + np.clip(shift, -0.5, 0.5) * (offsets[1] - offsets[0])
+    return _Rims(found, np.maximum(weights, 0), here), signs
 
 
 def _visible(rims, residuals, tolerance):

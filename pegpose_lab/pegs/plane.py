@@ -47,15 +47,15 @@ class _Plane:
     def ellipses(self, places, radii=None):
         """Centres (n, 2) and shapes (n, 2, 2) of the images of discs: exact, the image of a circle is an ellipse."""
         radii = np.full(len(places), self.radius) if radii is None else np.asarray(radii)
-        centers, shapes = np.empty((len(places), 2)), np.empty((len(places), 2, 2))
-        for k, (place, radius) in enumerate(zip(places, radii, strict=True)):
-            frame = np.array([[radius, 0, place[0]], [0, radius, place[1]], [0, 0, 1]])
-            dual = self.homography @ frame @ np.diag([1.0, 1.0, -1.0]) @ (self.homography @ frame).T
-            dual /= -dual[2, 2]
-            centers[k] = -dual[:2, 2]
-            values, vectors = np.linalg.eigh(dual[:2, :2] + np.outer(dual[:2, 2], dual[:2, 2]))
-            shapes[k] = vectors * np.sqrt(np.maximum(values, 1e-12)) @ vectors.T
-        return centers, shapes
+        frames = np.zeros((len(places), 3, 3))
+        frames[:, 0, 0] = frames[:, 1, 1] = radii
+        frames[:, :2, 2], frames[:, 2, 2] = places, 1
+        images = self.homography @ frames
+        duals = images * (1.0, 1.0, -1.0) @ images.transpose(0, 2, 1)
+        duals /= -duals[:, 2:, 2:]
+        centers = -duals[:, :2, 2]
+        values, vectors = np.linalg.eigh(duals[:, :2, :2] + centers[:, :, None] * centers[:, None])
+        return centers, vectors * np.sqrt(np.maximum(values, 1e-12))[:, None] @ vectors.transpose(0, 2, 1)
 
     @property
     def tilt(self):

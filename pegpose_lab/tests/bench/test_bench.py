@@ -12,6 +12,7 @@ from pegpose_lab import __main__ as commands
 from pegpose_lab import bench
 from pegpose_lab.bench import FULL, QUICK, aims, peers, scenes, to_text, write
 from pegpose_lab.bench import report as report_file
+from pegpose_lab.bench.chain import COLUMNS
 from pegpose_lab.bench.plan import Report
 from pegpose_lab.bench.report import load, readme_is_current
 from pegpose_lab.lab import calibrators, environment, installers
@@ -44,7 +45,8 @@ def _report(**changes):
     ]
     names = ["tool", "version", "f", "sigma", "half_px", "z", "ms", "corner_inf", "corner_1m", "off_mrcal", "missing"]
     calibrators = pd.DataFrame(tools, columns=names).assign(corners="simulated")
-    return Report(*tables, rivals, calibrators, aims.judge(*tables))
+    chain = pd.DataFrame([("linear", 9, 5.0, 200.0, 0.01, 0.02, np.nan)], columns=COLUMNS)
+    return Report(*tables, rivals, calibrators, chain, aims.judge(*tables))
 
 
 EVERY_SCENE = [scene.name for scene in scenes.SCENES]
@@ -117,7 +119,7 @@ def test_report_is_written_whole_and_read_back(tmp_path):
     assert "| calibrate_joint | 1.0 | 1290.00 | 0.3 |" in text and "mrcal: not measured, no." in text
     assert "before the run" not in text and "EdgeDrawing: not measured, not installed." in text and "1.05" in text
     assert readme_is_current(readme, tmp_path / "results")
-    tables = ("circles", "methods", "sizes", "joint", "genetic", "rivals", "calibrators", "targets")
+    tables = ("circles", "methods", "sizes", "joint", "genetic", "rivals", "calibrators", "chain", "targets")
     names = {f"bench_{name}.{kind}" for name in tables for kind in ("csv", "tex")}
     assert {path.name for path in (tmp_path / "results").iterdir()} == names
     pd.testing.assert_frame_equal(load(tmp_path / "results").circles, report.circles)
