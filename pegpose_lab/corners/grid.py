@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from .seeds import saddle_points
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -19,9 +21,9 @@ if TYPE_CHECKING:
 
 COARSE, MEDIUM, FINE = 0.25e6, 0.6e6, 4e6  # px, the sizes of image that are searched
 LARGEST_ENLARGEMENT = 2.0
+LARGEST_IRREGULARITY = 1.2  # of a step: 2 where OpenCV leaves out two lines (where one, the colours do not alternate)
 SMALLEST_IMAGE = 14  # px along a side
 _NORMALIZED = cv2.CALIB_CB_NORMALIZE_IMAGE
-_SEVEN = np.ones((7, 7), np.uint8)
 
 
 def candidate_grids(
@@ -54,20 +56,11 @@ def candidate_grids(
                     yield grid, view, scale, offset
 
 
-def seen_grids(
-    image: NDArray[np.uint8],
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.uint8], float, NDArray[np.float64]]]:
-    """Yield the largest grid of 3 x 3 corners or more that OpenCV sees in each view, as `candidate_grids` does."""
-    if min(image.shape) < SMALLEST_IMAGE:
-        return
-    for view, scale, offset, _ in _views(image):
-        found, corners, cells = cv2.findChessboardCornersSBWithMeta(
-            view, (3, 3), flags=_NORMALIZED | cv2.CALIB_CB_LARGER
-        )
-        if found:
-            grid = np.asarray(corners, np.float64).reshape(*cells.shape, 2)
-            if _is_plausible(grid, view.shape):
-                yield grid, view, scale, offset
+def views(image: NDArray[np.uint8]) -> Iterator[tuple[NDArray[np.uint8], float, NDArray[np.float64]]]:
+    """Yield the images that are searched, with scale and offset as in `candidate_grids`."""
+    if min(image.shape) >= SMALLEST_IMAGE:
+        for view, scale, offset, _ in _views(image):
+            yield view, scale, offset
 
 
 def _views(image):
@@ -96,10 +89,7 @@ def _resized(image, size):
 
 def _busiest_part(image, size):
     """The part (x, y, width, height) of about `size` px that holds most saddle points of the grey values."""
-    smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.2)
-    across = 4 * cv2.Sobel(smooth, -1, 1, 1, ksize=3)  # the kernels of the others weigh four times as much
-    saddle = across**2 - cv2.Sobel(smooth, -1, 2, 0, ksize=3) * cv2.Sobel(smooth, -1, 0, 2, ksize=3)
-    peaks = (saddle == cv2.dilate(saddle, _SEVEN)) & (saddle > 0.1 * saddle.max())
+    peaks = saddle_points(image)[0]
     share = min(1.0, np.sqrt(size / image.size))
     height, width = (max(1, round(side * share)) for side in image.shape)
     sums = np.pad(np.cumsum(np.cumsum(peaks, axis=0, dtype=np.int32), axis=1, dtype=np.int32), ((1, 0), (1, 0)))
@@ -108,8 +98,21 @@ def _busiest_part(image, size):
     return x, y, width, height
 
 
+def irregularity(grid: NDArray[np.float64]) -> float:
+    """The largest change of a step from one corner of a grid to the next, over the smaller of both steps."""
+    worst = 0.0
+    for lines in (grid, grid.transpose(1, 0, 2)):
+        steps = np.diff(lines, axis=0)
+        change = np.linalg.norm(np.diff(steps, axis=0), axis=2)
+        lengths = np.linalg.norm(steps, axis=2)
+        worst = max(worst, np.max(change / np.maximum(np.minimum(lengths[1:], lengths[:-1]), 1e-9), initial=0.0))
+    return worst
+
+
 def _is_plausible(grid, shape):
-    """Whether all corners lie within the image and all cells turn the same way."""
+    """Whether all corners lie within the image, all cells turn the same way, and no line of corners is left out."""
+    if irregularity(grid) > LARGEST_IRREGULARITY:
+        return False
     inside = (grid >= 0).all() and (grid <= np.array(shape[::-1]) - 1).all()
     along_row, along_column = np.diff(grid, axis=1), np.diff(grid, axis=0)
     turns = [

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .fit import edge_crossing, fit_corners
-from .measure import LARGEST_MISFIT, LARGEST_MOVE, LARGEST_SIGMA, REACH, SMALLEST_PITCH, WINDOW, normals_of, windows
+from .measure import LARGEST_MISFIT, LARGEST_MOVE, LARGEST_SIGMA, SMALLEST_PITCH, normals_of, window_radii, windows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FAINT = 0.25  # of the median contrast of the grid's corners
+LARGEST_RESIDUAL = 2.5  # times the median of the others: beyond, the edge of what covers the board is in the window
+SMALLEST_MISFIT = 0.03  # of the contrast; without noise, corners may differ more from one to the next
 SQUARE_CONTRAST = (
     0.4,
     1.8,
@@ -34,7 +36,7 @@ def grow_grid(
     ----------
     image : (height, width) uint8
     grid : (rows, columns, 2) ndarray
-        px, accurate to a fifth of the pitch; places without a clear corner are dropped.
+        px, accurate to a fifth of the pitch.
     most : int
         The grid grows to two lines more than this, at most.
 
@@ -49,22 +51,23 @@ def grow_grid(
     margin = max(most + 2 - min(rows, columns), 1) + 3  # beyond what is ever filled, so that a roll brings in NaN only
     places = np.full((rows + 2 * margin, columns + 2 * margin, 2), np.nan)
     places[margin : margin + rows, margin : margin + columns] = grid
-    places, amplitudes = _clear(image, np.full_like(places, np.nan), places, None)
-    if np.isnan(amplitudes).all():
+    known = _clear(image, np.full((*places.shape[:2], 4), np.nan), places)
+    seen = np.isfinite(known[..., 0])
+    if not seen.any():
         return grid, np.zeros((rows, columns), bool)
-    tried = np.zeros(amplitudes.shape, int)
+    tried = np.zeros(seen.shape, int)
     for _ in range(2 * most):
-        ahead = _ahead(places)
-        ahead[np.isfinite(places[..., 0]) | (tried >= 3)] = np.nan  # a better prediction may come with more neighbours
+        ahead = _ahead(known[..., :2])
+        ahead[seen | (tried >= 3)] = np.nan  # a better prediction may come with more neighbours
         tried += np.isfinite(ahead[..., 0])
-        found, contrast = _clear(image, places, ahead, amplitudes)
-        new = np.isfinite(contrast)
-        places[new], amplitudes[new] = found[new], contrast[new]
-        if not new.any() or max(np.ptp(np.argwhere(np.isfinite(amplitudes)), axis=0)) > most:
+        found = _clear(image, known, ahead)
+        new = np.isfinite(found[..., 0])
+        known[new] = found[new]
+        seen |= new
+        if not new.any() or max(np.ptp(np.argwhere(seen), axis=0)) > most:
             break
-    seen = np.isfinite(amplitudes)
     used = tuple(slice(lines.min(), lines.max() + 1) for lines in np.nonzero(seen))
-    return _filled(places[used]), seen[used]
+    return _filled(known[used][..., :2]), seen[used]
 
 
 def _ahead(places):
@@ -109,14 +112,14 @@ def _steps(places):
     return steps
 
 
-def _clear(image, places, ahead, amplitudes):
-    """The corners at `ahead` (rows, columns, 2), and their signed contrasts (rows, columns); NaN where none is clear.
+def _clear(image, known, ahead):
+    """The clear corners at `ahead` (rows, columns, 2): x, y, contrast and residual (rows, columns, 4), else NaN.
 
-    The contrast is that of the first corner of the grid, whose colours alternate.  `amplitudes` are those of `places`,
-    None if there are none yet.
+    The contrast is that of the first corner of the grid, whose colours alternate; the residual is that of the fit, in
+    grey values.  `known` are such corners that are clear already, all NaN at first.
     """
-    corners, contrasts = np.full_like(ahead, np.nan), np.full(ahead.shape[:2], np.nan)
-    along_row, along_column = _steps(np.where(np.isnan(ahead), places, ahead))
+    clear = np.full_like(known, np.nan)
+    along_row, along_column = _steps(np.where(np.isnan(ahead), known[..., :2], ahead))
     height, width = image.shape
     inside = ((ahead >= 1) & (ahead <= (width - 2, height - 2))).all(axis=2)  # False for NaN
     nodes = inside & np.isfinite(along_row[..., 0]) & np.isfinite(along_column[..., 0])
@@ -124,19 +127,23 @@ def _clear(image, places, ahead, amplitudes):
     nodes[nodes] = large = pitch >= SMALLEST_PITCH
     start, pitch, guess = start[large], pitch[large], ahead[nodes]
     if not len(guess):
-        return corners, contrasts
+        return clear
     pixels = np.rint(guess)
-    values, weights, lattice = windows(image, pixels.astype(int), guess - pixels, np.minimum(REACH * pitch, WINDOW))
+    values, weights, lattice = windows(image, pixels.astype(int), guess - pixels, window_radii(pitch))
     fits = fit_corners(values, weights, lattice, np.column_stack([guess - pixels, start]), rough=True)
     found = pixels + fits.parameters[:, :2]
-    signed = fits.parameters[:, 6] * (1 - 2 * (np.argwhere(nodes).sum(axis=1) % 2))
-    typical = np.median(signed) if amplitudes is None else np.nanmedian(amplitudes)
-    good = (signed * np.sign(typical) > FAINT * abs(typical)) & (fits.sigma < LARGEST_SIGMA)
+    contrast = fits.parameters[:, 6] * (1 - 2 * (np.argwhere(nodes).sum(axis=1) % 2))
+    residual = fits.misfit * np.abs(contrast)
+    usual, noise = np.median(np.column_stack([contrast, residual]), axis=0)
+    if np.isfinite(known).any():
+        usual, noise = np.nanmedian(known[..., 2:], axis=(0, 1))
+    good = (contrast * np.sign(usual) > FAINT * abs(usual)) & (fits.sigma < LARGEST_SIGMA)
     good &= np.linalg.norm(found - guess, axis=1) < LARGEST_MOVE * pitch
-    good &= (fits.misfit < LARGEST_MISFIT) & _four_squares(fits.parameters, values, weights, lattice)
+    good &= (fits.misfit < LARGEST_MISFIT) & ((residual < LARGEST_RESIDUAL * noise) | (fits.misfit < SMALLEST_MISFIT))
+    good &= _four_squares(fits.parameters, values, weights, lattice)
     nodes[nodes] = good
-    corners[nodes], contrasts[nodes] = found[good], signed[good]
-    return corners, contrasts
+    clear[nodes] = np.column_stack([found, contrast, residual])[good]
+    return clear
 
 
 def _four_squares(parameters, values, weights, lattice):

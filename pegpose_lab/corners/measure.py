@@ -16,7 +16,8 @@ WINDOW = (
     15.0  # px, largest radius of a window: a larger one has less noise, but more bias from edges that the lens bends
 )
 REACH = 0.4  # of the distance to the next corner: the window's radius on small boards
-SMALLEST_PITCH = 7.0  # px between neighbouring corners; below, a window holds too few pixels
+SMALLEST_WINDOW = 2.8  # px; on boards of less than 7 px pitch a window reaches further, for 9 unknowns need pixels
+SMALLEST_PITCH = 5.0  # px between neighbouring corners; below, the next edges are in the window
 PASSES = 3  # of the fit; after them the place where the grid was found changes a corner by less than 1e-5 px
 LARGEST_MOVE = 0.25  # of the pitch, from where the grid was found
 LARGEST_SIGMA = 0.5  # px
@@ -48,7 +49,7 @@ def fit_grid(image, grid, passes=PASSES, seen=None):
     for count in range(passes):
         pixels = np.rint(corners[which])
         offsets, pitch = corners[which] - pixels, edge_normals(corners.reshape(grid.shape))[1][which]
-        values, weights, lattice = windows(image, pixels.astype(int), offsets, np.minimum(REACH * pitch, WINDOW))
+        values, weights, lattice = windows(image, pixels.astype(int), offsets, window_radii(pitch))
         fits = fit_corners(values, weights, lattice, np.column_stack([offsets, start]), rough=count < PASSES - 1)
         corners[which], start = pixels + fits.parameters[:, :2], fits.parameters[:, 2:]
         if unclear_corners(corners[which], fits, grid, count < PASSES - 1, seen).mean() > 0.1:
@@ -70,6 +71,11 @@ def normals_of(along_row, along_column):
     first = np.arctan2(-along_column[:, 0], along_column[:, 1])
     second = np.arctan2(along_row[:, 0], -along_row[:, 1])
     return np.column_stack([first, second]), pitch
+
+
+def window_radii(pitch):
+    """The windows' radii (n,), px, on boards of some pitch."""
+    return np.clip(REACH * pitch, SMALLEST_WINDOW, WINDOW)
 
 
 def windows(image, pixels, offsets, radii):

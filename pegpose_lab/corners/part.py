@@ -9,12 +9,13 @@ import cv2
 import numpy as np
 
 from ..checks import DetectionError
-from .grid import seen_grids
-from .grow import grow_grid
+from .grid import views
+from .grow import LARGEST_RESIDUAL, SMALLEST_MISFIT, grow_grid
 from .measure import fit_grid, unclear_corners
 from .numbering import ENDS, numberings
 from .result import BoardCorners
 from .rims import beyond_sides
+from .seeds import blocks_of_nine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 FEWEST_LINES = 3  # each way
 FEWEST_ON_A_LINE = 2  # corners on an outermost line
+SAME = 3.0  # px: a start this near to a corner of another grid is one of that grid
+MOST_GRIDS = 5  # in a view; more patterns than that are no board
 _SIDES = "upper", "right", "lower", "left"
 
 
@@ -43,14 +46,30 @@ class Part:
 
 
 def largest_part(image: NDArray[np.uint8], board: Checkerboard) -> Part | None:
-    """The corners that are seen around the first grid of any size that has enough of them."""
-    for grid, view, scale, offset in seen_grids(image):
-        grid, seen = grow_grid(view, _upright(grid), max(board.columns, board.rows))
-        grid, seen = _trimmed(grid, seen)
-        part = _measured(image, (grid + 0.5) / scale - 0.5 + offset, seen) if len(grid) else None
-        if part is not None:
-            return part
+    """The most corners that are seen around any start, in the first view of the image that shows enough of them."""
+    for view, scale, offset in views(image):
+        grids = _grown(view, max(board.columns, board.rows))
+        for grid, seen in sorted(grids, key=lambda one: -np.sum(one[1])):
+            part = _measured(image, (grid + 0.5) / scale - 0.5 + offset, seen)
+            if part is not None:
+                return part
     return None
+
+
+def _grown(view, most):
+    """The grids that grow from different starts in a view."""
+    grids, known = [], np.zeros((0, 2))
+    for block in blocks_of_nine(view):
+        if len(known) and np.linalg.norm(known - block[1, 1], axis=1).min() < SAME:
+            continue
+        grid, seen = grow_grid(view, _upright(block), most)
+        known = np.vstack([known, block[1, 1][None], grid[seen]])
+        grid, seen = _trimmed(grid, seen)
+        if len(seen):
+            grids.append((grid, seen))
+        if len(grids) == MOST_GRIDS:
+            break
+    return grids
 
 
 def number_part(image: NDArray[np.uint8], board: Checkerboard, part: Part) -> BoardCorners:
@@ -108,23 +127,21 @@ def _slope(steps):
 
 def _trimmed(grid, seen):
     """The smallest rectangle with two corners or more on each of its outermost lines; empty if it has too few lines."""
-    for _ in range(2 * sum(seen.shape)):
-        for _turn in range(4):
-            while len(seen) and seen[0].sum() < FEWEST_ON_A_LINE:
-                grid, seen = grid[1:], seen[1:]
-            grid, seen = np.rot90(grid), np.rot90(seen)
-        if not len(seen) or all(
-            line.sum() >= FEWEST_ON_A_LINE for line in (seen[0], seen[-1], seen[:, 0], seen[:, -1])
-        ):
-            break
-    return (grid, seen) if min(seen.shape) >= FEWEST_LINES else (grid[:0], seen[:0])
+    while min(seen.shape) >= FEWEST_LINES:
+        thin = [turn for turn in range(4) if np.rot90(seen, turn)[0].sum() < FEWEST_ON_A_LINE]
+        if not thin:
+            return grid, seen
+        grid, seen = (np.rot90(np.rot90(one, thin[0])[1:], -thin[0]) for one in (grid, seen))
+    return grid[:0], seen[:0]
 
 
 def _measured(image, grid, seen):
     """The part with the clear corners of a grid only, None if they are too few."""
-    for _ in range(4):
+    while len(seen):
         corners, fits = fit_grid(image, grid, seen=seen)
         unclear = unclear_corners(corners, fits, grid, seen=seen)
+        residuals = fits.misfit * np.abs(fits.parameters[:, 6])
+        unclear |= (residuals > LARGEST_RESIDUAL * np.median(residuals)) & (fits.misfit > SMALLEST_MISFIT)
         if not unclear.any():
             grid, levels = grid.copy(), np.full(grid.shape, np.nan)
             grid[seen], levels[seen] = corners, fits.parameters[:, 5:7]
@@ -132,6 +149,4 @@ def _measured(image, grid, seen):
         seen = seen.copy()
         seen[seen] = ~unclear
         grid, seen = _trimmed(grid, seen)
-        if not len(grid):
-            return None
     return None

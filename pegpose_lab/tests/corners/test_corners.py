@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.corners import find_corners
-from pegpose_lab.corners.find import _check, _fit
 from pegpose_lab.corners.fit import CornerFits
+from pegpose_lab.corners.measure import check_corners, fit_grid
 from pegpose_lab.files import MEASURED_FOLDER
 from pegpose_lab.paper import paper_experiment
 from pegpose_lab.render.board import BoardLook
@@ -108,7 +108,7 @@ def test_corners_do_not_depend_on_where_the_grid_was_found():
     board, rng = Checkerboard(7, 6, 25.0), np.random.default_rng(1)
     image, truth = seen(board, pose_of(board))
     grid = truth.reshape(6, 7, 2)
-    found = [_fit(image, grid + rng.normal(0, 0.3, grid.shape))[0] for _ in range(3)]
+    found = [fit_grid(image, grid + rng.normal(0, 0.3, grid.shape))[0] for _ in range(3)]
     assert np.ptp(found, axis=0).max() < 2e-5
 
 
@@ -126,23 +126,28 @@ def fits_of(amplitude, **changes):
     n = len(amplitude)
     parameters = np.zeros((n, 9))
     parameters[:, 6] = amplitude
-    values = {"sigma": np.full(n, 0.02), "misfit": np.full(n, 0.05), "converged": np.full(n, True)} | changes
+    values = {
+        "sigma": np.full(n, 0.02),
+        "covariance": np.tile(4e-4 * np.eye(2), (n, 1, 1)),
+        "misfit": np.full(n, 0.05),
+        "converged": np.full(n, True),
+    } | changes
     return CornerFits(parameters, **values)
 
 
 def test_unclear_corners_are_counted():
     grid = 30.0 * np.stack(np.meshgrid(np.arange(3.0), np.arange(3.0)), axis=-1)
     start, amplitude = grid.reshape(-1, 2), 80.0 * (1 - 2 * (np.arange(9) % 2))
-    _check(start + 0.5, fits_of(amplitude), grid)
+    check_corners(start + 0.5, fits_of(amplitude), grid)
     one = np.arange(9) == 4
     for changes in ({"sigma": 0.02 + one}, {"misfit": 0.05 + one}, {"converged": ~one}):
         with pytest.raises(DetectionError, match=r"1 of 9 corners .* near \(30, 30\)"):
-            _check(start + 0.5, fits_of(amplitude, **changes), grid)
+            check_corners(start + 0.5, fits_of(amplitude, **changes), grid)
     for factor in (-1.0, 0.1):  # its neighbours' colours; faint
         with pytest.raises(DetectionError, match="1 of 9 corners"):
-            _check(start + 0.5, fits_of(np.where(one, factor, 1.0) * amplitude), grid)
+            check_corners(start + 0.5, fits_of(np.where(one, factor, 1.0) * amplitude), grid)
     with pytest.raises(DetectionError, match="9 of 9 corners"):
-        _check(start + 8, fits_of(amplitude), grid)
+        check_corners(start + 8, fits_of(amplitude), grid)
 
 
 def test_a_covered_corner_is_not_invented():
