@@ -5,6 +5,7 @@ them return a `result.Calibration`.  A calibration method is one file here and o
 `methods.CALIBRATION_METHODS`, which `study` and the notebooks read (.github/CONTRIBUTING.md shows an example).
 """
 
+from .board import BoardShape
 from .joint.calibrate import calibrate_joint
 from .joint.dlt import calibrate_dlt
 from .joint.profile import profile_focal_length, weakest_direction
@@ -23,6 +24,7 @@ from .zhang import calibrate_zhang
 
 __all__ = [
     "BOX",
+    "BoardShape",
     "Calibration",
     "CALIBRATION_METHODS",
     "PENALTY",
