@@ -30,6 +30,7 @@ Images
 Distortion
     `TsaiCamera` *undistorts*, x_u = x_d (1 + kappa1 r_d^2) (Eq. 3); OpenCV *distorts*,
     x_d = x_u (1 + k1 r_u^2 + ...).  The signs are opposite: k1 is about -kappa1 f^2.
+    `FisheyeCamera` distorts the angle to the axis.
 Residuals
     projected minus measured, px, (n, 2).
 Randomness

@@ -7,6 +7,7 @@ line in the table `methods.CALIBRATION_METHODS`, which `study` and the notebooks
 example).
 """
 
+from .board import BoardShape
 from .differencing import CalibrationDifference, difference
 from .halves import Halves, split_halves
 from .image_map import ImageMap, image_grid
@@ -29,6 +30,7 @@ from .zhang import calibrate_zhang
 
 __all__ = [
     "BOX",
+    "BoardShape",
     "Calibration",
     "CALIBRATION_METHODS",
     "CalibrationDifference",

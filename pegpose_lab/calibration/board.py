@@ -123,6 +123,20 @@ class BoardShape:
     statistic, probability : float
         F of the estimated values against an exact board, and the probability of such an F or a larger one if the board
         is exact and the noise independent.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_joint
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> camera = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)).camera(8.0, kappa1=0.001)
+    >>> board, turns = Checkerboard().object_points, Rotation.from_rotvec(0.5 * np.eye(3))
+    >>> poses = [RigidTransform.from_components([-90, -70, 500], turn) for turn in turns]
+    >>> bowed = board + np.outer(0.2 * (1 - (board[:, 0] / 101.5 - 1) ** 2), [0, 0, 1])  # by 0.2 mm in its middle
+    >>> images = [camera.project(bowed, pose) for pose in poses]
+    >>> found = calibrate_joint([board] * 3, images, camera.sensor, board=("warp",)).board
+    >>> round(found.values["warp_x"], 3), round(float(found.apply(board)[3:5, 2].mean()), 3)
+    (0.2, 0.196)
     """
 
     unknowns: BoardUnknowns

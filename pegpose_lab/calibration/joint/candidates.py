@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,8 +44,11 @@ class Candidate:
 
 
 def candidates_for(fit: Fit, object_points: Sequence[NDArray[np.float64]]) -> list[Candidate]:
-    """The richer models that a fit is compared with."""
-    return [*_of_lens(fit.model), *_of_pixels(fit.model), *_of_board(fit.model, object_points)]
+    """The richer models that a fit is compared with; their searches start at its principal point, if it is in the image."""
+    model, center = copy(fit.model), in_pixels(fit)[1]
+    if model.free_center and np.all((center > 0) & (center < model.sensor.image_size)):
+        model.sensor = replace(model.sensor, principal_point=tuple(center))
+    return [*_of_lens(model), *_of_pixels(model), *_of_board(model, object_points)]
 
 
 def _richer(model, coefficients=None, lens=None, two=None, free_center=None):

@@ -42,8 +42,8 @@ LEAST_INFORMATION = 1e-9
 
 
 SMALL_GAIN = 0.1
-"""The sentence warns of correlated noise if the rms falls by less than this fraction.  Corners of real pictures that err
-together have given F up to 30 with gains of a few percent."""
+"""The sentence warns of correlated noise if the rms falls by less than this fraction: real corners that err together have
+given F up to 20 with gains of 1 %."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Better:
     def words(self) -> str:
         """What the flag calls it."""
         shape = ", ".join(
-            f"{name} = {value:.5f}" if name == "aspect" else f"{name} = {value:+.3f} mm"
+            f"{name} = {value:.5f}" if name == "aspect" else f"{name} = {value:+.2f} mm"
             for name, value in self.board.items()
         )
         return self.candidate.words + (f", {shape}," if shape else "")
@@ -175,13 +175,22 @@ def model_sentence(fit: Fit, better: Better) -> str:
     gain = f"an rms of {plain(after, 3)} instead of {plain(before, 3)} px"
     if np.isfinite(better.statistic):
         gain += f", F = {plain(better.statistic, 3)}"
-    ending = "Stated sigmas and intervals hold for a camera of the model only; free more parameters."
-    if better.candidate.of_board:
-        ending = "Stated sigmas and intervals hold for an exact board only; measure it, or free its unknowns (board)."
+    ending = f"Stated sigmas and intervals hold for {_held(better.candidate)}"
     if after > (1 - SMALL_GAIN) * before:
         ending += " The gain is small: noise that neighbouring points share can also cause it."
     what = "board" if better.candidate.of_board else "model"
     return f"The points do not fit this {what}: with {better.words} they fit better ({gain}), and {'; '.join(moves)}. {ending}"
+
+
+def _held(candidate):
+    """What the stated sigmas hold for, and what to do."""
+    if candidate.of_board:
+        return "an exact board only; measure it, or free its unknowns (board)."
+    if candidate.model is None:
+        return "a camera of the model only; none here describes this, so take them for too small."
+    if not candidate.nested:
+        return "a camera of the model only; choose that lens in calibrate_joint (lens)."
+    return "a camera of the model only; free more parameters."
 
 
 def plain(value: float, digits: int, sign: bool = False) -> str:
