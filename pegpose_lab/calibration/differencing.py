@@ -53,8 +53,8 @@ class CalibrationDifference:
         Projection by the second camera minus `image_points`, px, with the motion removed.
     b_from_a : RigidTransform
         The fitted motion between the camera frames; its translation, mm, is 0 at infinite distance.
-    region : (n,) bool ndarray
-        The points from which it was fitted.
+    fitted_points : (m, 2) ndarray
+        The points from which it was fitted, px.
     covariances : (n, 2, 2) ndarray or None
         Of `differences`, px^2, if the two calibrations state the same camera with independent noise; None if one of
         them has no covariance.
@@ -73,7 +73,7 @@ class CalibrationDifference:
     image_points: NDArray[np.float64]
     differences: NDArray[np.float64]
     b_from_a: RigidTransform
-    region: NDArray[np.bool_]
+    fitted_points: NDArray[np.float64]
     covariances: NDArray[np.float64] | None
     grid: tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -164,8 +164,8 @@ def difference(
     Raises
     ------
     ValueError
-        If the image sizes differ or are not known, too few points of the grid are in the circle, or one lens has no
-        image of what the other one sees.
+        If the image sizes differ or are not known, the radius is not positive, or one lens has no image of what the
+        other one sees.
     CalibrationError
         If the fit of the motion finds no minimum, or a lens has no image within the uncertainty of its parameters.
 
@@ -177,7 +177,7 @@ def difference(
     >>> shifted = replace(camera, principal_point=(809.5, 599.5))  # nearly a turn of the camera by 10 px
     >>> found = difference(camera, shifted)
     >>> round(float(np.degrees(found.b_from_a.rotation.magnitude())), 2), round(found.rms, 2)
-    (0.43, 1.78)
+    (0.43, 1.79)
 
     References
     ----------
@@ -187,26 +187,26 @@ def difference(
     first, second = (item.camera if isinstance(item, Calibration) else item for item in (a, b))
     if tuple(first.image_size) != tuple(second.image_size):
         raise ValueError(f"a has the image size {first.image_size} and b {second.image_size}; expected the same")
-    x, y, points = image_grid(first.image_size, columns)
-    region = _region(points, first.image_size, radius)
+    x, y, grid = image_grid(first.image_size, columns)
+    fitted = _region(first.image_size, radius)
+    points = np.vstack([fitted, grid])
+    region = np.arange(len(points)) < len(fitted)
     rays = unit_rays(first, points)
-    motion = _fit_motion(second, points[region], rays[region], distance)
+    motion = _fit_motion(second, fitted, rays[region], distance)
     moved = _moved(motion, rays, distance)
-    differences = second.from_normalized(moved[:, :2] / moved[:, 2:]) - points
+    differences = (second.from_normalized(moved[:, :2] / moved[:, 2:]) - points)[~region]
     covariances = _covariances(((a, rays), (b, moved)), second, region, distance)
-    return CalibrationDifference(points, differences, motion, region, covariances, (x, y))
+    return CalibrationDifference(grid, differences, motion, fitted, covariances, (x, y))
 
 
-def _region(points, image_size, radius):
-    """Which points the motion is fitted to."""
+def _region(image_size, radius):
+    """The points (m, 2) that the motion is fitted to: a grid over a circle, as far as it lies in the image."""
     radius = MIDDLE * min(image_size) if radius is None else as_length(radius, "radius")
-    inside = np.hypot(*(points - np.subtract(image_size, 1) / 2).T) <= radius
-    if np.count_nonzero(inside) < 6:
-        raise ValueError(
-            f"radius is {radius:g} px: {np.count_nonzero(inside)} points of the grid lie in the circle; expected at "
-            "least 6: a larger radius, or more columns"
-        )
-    return inside
+    half = np.subtract(image_size, 1) / 2
+    reach = np.minimum(radius, half)
+    x, y = (np.linspace(-end, end, COLUMNS) for end in reach)
+    arms = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return half + arms[np.hypot(*arms.T) <= radius]
 
 
 def _moved(motion, rays, distance):
@@ -239,9 +239,9 @@ def _fit_motion(camera, points, rays, distance):
 
 
 def _covariances(sides, camera, region, distance):
-    """Covariances (n, 2, 2) of the differences; None if a calibration has none."""
+    """Covariances (n, 2, 2) of the differences outside of the region; None if a calibration has none."""
     by_motion = _by_motion(camera, sides[1][1], distance)
-    total = np.zeros((len(region), 2, 2))
+    total = np.zeros((np.count_nonzero(~region), 2, 2))
     for item, rays in sides:
         if not isinstance(item, Calibration):
             continue
@@ -251,6 +251,6 @@ def _covariances(sides, camera, region, distance):
         by_lens = lens_derivative(item.camera, own, rays[:, :2] / rays[:, 2:])
         rows = 2 * np.count_nonzero(region)
         taken = np.linalg.lstsq(by_motion[region].reshape(rows, -1), by_lens[region].reshape(rows, -1), rcond=None)[0]
-        left = by_lens - by_motion @ taken
+        left = (by_lens - by_motion @ taken)[~region]
         total += left @ own.to_numpy() @ left.transpose(0, 2, 1)
     return total
