@@ -18,15 +18,20 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from ..camera import by_direction, by_turn, lens_covariance, lens_derivative
-from ..checks import CalibrationError, as_choice, as_number, undetermined_if_singular
+from ..checks import CalibrationError, as_choice, undetermined_if_singular
 from .image_map import COLUMNS, ImageMap, image_grid
 from .result import Calibration
-from .uncertainty import as_distance, unit_rays
+from .uncertainty import as_length, unit_rays
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..camera import OpenCVCamera, TsaiCamera
+
+MIDDLE = 1 / 3
+"""The motion is fitted in a circle with this fraction of the image's shorter side as its radius, unless another is
+stated: nearly every calibration has corners there, and beyond its corners a lens with many coefficients may be wrong by
+more pixels than all the rest, and would rule the fit."""
 
 FIT_STEPS = 50
 SETTLED = 1e-8
@@ -48,8 +53,8 @@ class CalibrationDifference:
         Projection by the second camera minus `image_points`, px, with the motion removed.
     b_from_a : RigidTransform
         The fitted motion between the camera frames; its translation, mm, is 0 at infinite distance.
-    region : (n,) bool ndarray
-        The points from which it was fitted.
+    fitted_points : (m, 2) ndarray
+        The points from which it was fitted, px.
     covariances : (n, 2, 2) ndarray or None
         Of `differences`, px^2, if the two calibrations state the same camera with independent noise; None if one of
         them has no covariance.
@@ -68,7 +73,7 @@ class CalibrationDifference:
     image_points: NDArray[np.float64]
     differences: NDArray[np.float64]
     b_from_a: RigidTransform
-    region: NDArray[np.bool_]
+    fitted_points: NDArray[np.float64]
     covariances: NDArray[np.float64] | None
     grid: tuple[NDArray[np.float64], NDArray[np.float64]]
 
@@ -146,7 +151,8 @@ def difference(
         mm along the rays of the points that are compared; at a finite distance a shift of the camera is fitted, too,
         which takes up most of a difference of f.
     radius : float, optional
-        The motion is fitted in a circle of this radius round the middle of the image, px; None for the whole image.
+        The motion is fitted in a circle of this radius round the middle of the image, px: None for a third of the
+        image's shorter side, infinite for the whole image.
     columns : int
         Of the grid.
 
@@ -158,8 +164,8 @@ def difference(
     Raises
     ------
     ValueError
-        If the image sizes differ or are not known, too few points of the grid are in the circle, or one lens has no
-        image of what the other one sees.
+        If the image sizes differ or are not known, the radius is not positive, or one lens has no image of what the
+        other one sees.
     CalibrationError
         If the fit of the motion finds no minimum, or a lens has no image within the uncertainty of its parameters.
 
@@ -171,38 +177,36 @@ def difference(
     >>> shifted = replace(camera, principal_point=(809.5, 599.5))  # nearly a turn of the camera by 10 px
     >>> found = difference(camera, shifted)
     >>> round(float(np.degrees(found.b_from_a.rotation.magnitude())), 2), round(found.rms, 2)
-    (0.39, 1.32)
+    (0.43, 1.79)
 
     References
     ----------
     D. Kogan, "mrcal: differencing", https://mrcal.secretsauce.net/differencing.html
     """
-    distance = as_distance(distance)
+    distance = as_length(distance, "distance")
     first, second = (item.camera if isinstance(item, Calibration) else item for item in (a, b))
     if tuple(first.image_size) != tuple(second.image_size):
         raise ValueError(f"a has the image size {first.image_size} and b {second.image_size}; expected the same")
-    x, y, points = image_grid(first.image_size, columns)
-    region = _region(points, first.image_size, radius)
+    x, y, grid = image_grid(first.image_size, columns)
+    fitted = _region(first.image_size, radius)
+    points = np.vstack([fitted, grid])
+    region = np.arange(len(points)) < len(fitted)
     rays = unit_rays(first, points)
-    motion = _fit_motion(second, points[region], rays[region], distance)
+    motion = _fit_motion(second, fitted, rays[region], distance)
     moved = _moved(motion, rays, distance)
-    differences = second.from_normalized(moved[:, :2] / moved[:, 2:]) - points
+    differences = (second.from_normalized(moved[:, :2] / moved[:, 2:]) - points)[~region]
     covariances = _covariances(((a, rays), (b, moved)), second, region, distance)
-    return CalibrationDifference(points, differences, motion, region, covariances, (x, y))
+    return CalibrationDifference(grid, differences, motion, fitted, covariances, (x, y))
 
 
-def _region(points, image_size, radius):
-    """Which points the motion is fitted to."""
-    if radius is None:
-        return np.ones(len(points), bool)
-    radius = as_number(radius, "radius", 0, exclusive=True)
-    inside = np.hypot(*(points - np.subtract(image_size, 1) / 2).T) <= radius
-    if np.count_nonzero(inside) < 6:
-        raise ValueError(
-            f"radius is {radius:g} px: {np.count_nonzero(inside)} points of the grid lie in the circle; expected at "
-            "least 6: a larger radius, or more columns"
-        )
-    return inside
+def _region(image_size, radius):
+    """The points (m, 2) that the motion is fitted to: a grid over a circle, as far as it lies in the image."""
+    radius = MIDDLE * min(image_size) if radius is None else as_length(radius, "radius")
+    half = np.subtract(image_size, 1) / 2
+    reach = np.minimum(radius, half)
+    x, y = (np.linspace(-end, end, COLUMNS) for end in reach)
+    arms = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return half + arms[np.hypot(*arms.T) <= radius]
 
 
 def _moved(motion, rays, distance):
@@ -235,9 +239,9 @@ def _fit_motion(camera, points, rays, distance):
 
 
 def _covariances(sides, camera, region, distance):
-    """Covariances (n, 2, 2) of the differences; None if a calibration has none."""
+    """Covariances (n, 2, 2) of the differences outside of the region; None if a calibration has none."""
     by_motion = _by_motion(camera, sides[1][1], distance)
-    total = np.zeros((len(region), 2, 2))
+    total = np.zeros((np.count_nonzero(~region), 2, 2))
     for item, rays in sides:
         if not isinstance(item, Calibration):
             continue
@@ -247,6 +251,6 @@ def _covariances(sides, camera, region, distance):
         by_lens = lens_derivative(item.camera, own, rays[:, :2] / rays[:, 2:])
         rows = 2 * np.count_nonzero(region)
         taken = np.linalg.lstsq(by_motion[region].reshape(rows, -1), by_lens[region].reshape(rows, -1), rcond=None)[0]
-        left = by_lens - by_motion @ taken
+        left = (by_lens - by_motion @ taken)[~region]
         total += left @ own.to_numpy() @ left.transpose(0, 2, 1)
     return total

@@ -101,6 +101,7 @@ def split_halves(
     *,
     repeats: int = 20,
     distance: float = np.inf,
+    radius: float | None = None,
     columns: int = COLUMNS,
     rng: int | Sequence[int] | np.random.Generator | None = None,
 ) -> Halves:
@@ -118,8 +119,8 @@ def split_halves(
         Maps lists of object points and of image points to a `Calibration` with a covariance.
     repeats : int
         Random splits.
-    distance : float
-        mm, as for `difference`.
+    distance, radius : float
+        mm and px, as for `difference`.
     columns : int
         Of the grid over the image.
     rng : int, sequence of int, Generator or None
@@ -163,7 +164,7 @@ def split_halves(
                 calibrate([object_points[k] for k in half], [image_points[k] for k in half])
                 for half in (np.sort(order[: count // 2]), np.sort(order[count // 2 :]))
             ]
-            found = difference(*pair, distance, columns=columns)
+            found = difference(*pair, distance, radius=radius, columns=columns)
         except CalibrationError as error:
             refused.append(str(error))
             continue

@@ -171,7 +171,7 @@ def projection_uncertainty(
     ----------
     D. Kogan, "mrcal: projection uncertainty", https://mrcal.secretsauce.net/uncertainty.html (there: "mean-pcam").
     """
-    distance = as_distance(distance)
+    distance = as_length(distance, "distance")
     camera, grid = calibration.camera, None
     if image_points is None:
         *grid, image_points = image_grid(camera.image_size, columns)
@@ -190,11 +190,9 @@ def projection_uncertainty(
     )
 
 
-def as_distance(distance: float) -> float:
-    """Return a distance, mm, that may be infinite; ValueError if it is not positive."""
-    return (
-        np.inf if np.ndim(distance) == 0 and distance == np.inf else as_number(distance, "distance", 0, exclusive=True)
-    )
+def as_length(length: float, name: str) -> float:
+    """Return a length that may be infinite; ValueError if it is not positive."""
+    return np.inf if np.ndim(length) == 0 and length == np.inf else as_number(length, name, 0, exclusive=True)
 
 
 def unit_rays(camera: TsaiCamera | OpenCVCamera, image_points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from .plotting import plot_map
+from matplotlib.colors import LogNorm
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,12 +15,20 @@ if TYPE_CHECKING:
 
     from ..calibration import ImageMap
 
+LEVELS, DECADES = 16, 1000.0
+"""Colours of a map, and the largest ratio of its values that a logarithmic one shows: below it all is as good as none."""
+
 DOT = 1.5
 """Points, the size of a drawn corner: thousands of corners leave the map visible."""
 
 
 def plot_image_map(
-    ax: Axes, image_map: ImageMap, *, image_points: Sequence[ArrayLike] = (), title: str | None = None
+    ax: Axes,
+    image_map: ImageMap,
+    *,
+    image_points: Sequence[ArrayLike] = (),
+    title: str | None = None,
+    logarithmic: bool = False,
 ) -> Any:
     """Draw a map over the image, with a colour bar and, as dots, the points that the calibration was made from.
 
@@ -34,6 +41,9 @@ def plot_image_map(
         px, an entry for each view.
     title : str, optional
         The map's own label stands at the colour bar.
+    logarithmic : bool
+        Colours in equal ratios, for maps that grow many times where no corner was seen; what is below a thousandth of
+        the largest value has the lowest colour.
 
     Returns
     -------
@@ -52,9 +62,18 @@ def plot_image_map(
     >>> float(ax.get_ylim()[0])  # y is down, as in the image
     1199.0
     """
-    filled = plot_map(ax, image_map.x, image_map.y, image_map.values)
-    ax.figure.colorbar(filled, ax=ax, label=image_map.label, shrink=0.85)
+    values, style = image_map.values, {"levels": LEVELS}
+    if logarithmic:
+        low, high = max(values.min(), values.max() / DECADES), values.max()
+        style = {"levels": np.geomspace(low, high, LEVELS), "norm": LogNorm(low, high)}
+        values = np.clip(values, low, high)
+    filled = ax.contourf(image_map.x, image_map.y, values, cmap="cividis", **style)
+    bar = ax.figure.colorbar(filled, ax=ax, label=image_map.label, shrink=0.85)
+    if logarithmic:
+        bar.set_ticks(filled.levels[::5], labels=[f"{level:.2g}" for level in filled.levels[::5]])
+        bar.minorticks_off()
     for points in image_points:
         ax.plot(*np.transpose(points), ".", color="white", markersize=DOT, alpha=0.6)
-    ax.set(xlim=image_map.x[[0, -1]], ylim=image_map.y[[-1, 0]], xlabel="x (px)", ylabel="y (px)", title=title)
+    ax.set(xlim=image_map.x[[0, -1]], ylim=image_map.y[[-1, 0]], aspect="equal", title=title)
+    ax.set(xlabel="x (px)", ylabel="y (px)")
     return filled

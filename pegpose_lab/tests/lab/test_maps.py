@@ -3,6 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from pegpose_lab import calibrate_joint, difference, paper, projection_uncertainty, split_halves
 from pegpose_lab.lab.maps import plot_image_map
@@ -31,8 +32,7 @@ def test_three_maps_in_one_figure(maps):
         filled = plot_image_map(ax, drawn, image_points=images, title="a title")
         assert ax.get_xlim() == (0, 1599) and ax.get_ylim() == (1199, 0)
         assert len(ax.lines) == 6 and ax.get_title() == "a title" and ax.get_xlabel() == "x (px)"
-        low, high = filled.get_clim()
-        assert low <= drawn.values.min() + 1e-12 and drawn.values.max() <= high + 1e-12
+        assert filled.levels[0] <= drawn.values.min() and drawn.values.max() <= filled.levels[-1]
     labels = [ax.get_ylabel() for ax in fig.axes[3:]]
     assert labels == ["sigma at 300 mm (mm)", "difference (px)", "difference of halves (px)"]
     plt.close(fig)
@@ -44,3 +44,15 @@ def test_the_values_are_where_they_belong(maps):
     row, column = np.unravel_index(uncertain.values.argmin(), uncertain.values.shape)
     assert abs(uncertain.x[column] - 799.5) < 400 and abs(uncertain.y[row] - 599.5) < 300
     assert uncertain.values[0, 0] > 3 * uncertain.values.min()
+
+
+def test_a_logarithmic_map_shows_three_decades_at_most(maps):
+    uncertain, differs, _ = maps[1]
+    fig, axes = figure(8, 3, columns=2)
+    for ax, drawn in zip(axes, (uncertain, differs), strict=True):
+        filled = plot_image_map(ax, drawn, logarithmic=True)
+        levels, high = filled.levels, drawn.values.max()
+        assert_allclose(levels[1:] / levels[:-1], levels[1] / levels[0])
+        assert_allclose(levels[[0, -1]], [max(drawn.values.min(), high / 1000), high])
+    fig.draw_without_rendering()
+    plt.close(fig)
