@@ -211,8 +211,14 @@ def split_halves(
     return pd.DataFrame(rows, columns=["half", "parameter", "difference", "z", "classical_z"])
 
 
-def measure_split_halves() -> DataFrame:
-    """`split_halves` of five sets of photographs, summarised for each lens model and parameter.
+def measure_split_halves(sets: Sequence[str] = tuple(BOARDS), lenses: Sequence[str] = tuple(LENSES)) -> DataFrame:
+    """`split_halves` of sets of photographs (`BOARDS`), summarised for each lens model (`LENSES`) and parameter.
+
+    Returns
+    -------
+    DataFrame
+        dataset, views, lens, parameter, halves (number of partitions); rms_z and within (share of z within 1.96, %), and
+        the same by the classical sigmas.
 
     Raises
     ------
@@ -220,11 +226,13 @@ def measure_split_halves() -> DataFrame:
         If the photographs are not found.
     """
     rows = []
-    for name, board in BOARDS.items():
+    for name in sets:
+        board = BOARDS[name]
         image_points, size = _corners(name, board)
         sensor = Sensor((1.0, 1.0), ((size[0] - 1) / 2, (size[1] - 1) / 2), size)
-        for lens, options in LENSES.items():
-            object_points = [board.object_points] * len(image_points)
+        object_points = [board.object_points] * len(image_points)
+        for lens in lenses:
+            options = LENSES[lens]
             table = split_halves(
                 lambda *views, o=options, s=sensor: calibrate_joint(*views, s, **o), object_points, image_points
             )
