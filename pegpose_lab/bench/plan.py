@@ -12,6 +12,7 @@ import pandas as pd
 from . import peers
 from .aims import judge
 from .calibration import measure_genetic, measure_joint, measure_rivals
+from .calibrators import measure_calibrators
 from .resources import describe_methods, measure_sizes
 from .scenes import MAIN, OTHER, TARGET_NOISE
 from .score import measure
@@ -23,7 +24,7 @@ WORKERS = 2
 @dataclass(frozen=True)
 class Plan:
     """The amount of work: {scene: (frames, noise levels)}, sizes in megapixels, numbers of views, seeds of the genetic
-    algorithm, methods, methods whose memory is measured, and repeats of timed calls."""
+    algorithm, methods, methods whose memory is measured, repeats of timed calls, and splits of views into halves."""
 
     cells: dict
     sizes: tuple
@@ -32,6 +33,7 @@ class Plan:
     methods: tuple = tuple(peers.COMPARED)
     memory: tuple = tuple(peers.COMPARED)
     repeats: int = 3
+    splits: int = 10
 
 
 FULL = Plan(
@@ -40,7 +42,7 @@ FULL = Plan(
     (5, 13, 25, 50, 100, 200),
     10,
 )
-QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, memory=(peers.OURS,), repeats=1)
+QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, memory=(peers.OURS,), repeats=1, splits=2)
 
 
 # ---- the report ----
@@ -49,7 +51,8 @@ QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, me
 @dataclass(frozen=True)
 class Report:
     """Tables of a run: `circles` (`summarize`), `methods` (`describe_methods`), `sizes` (`measure_sizes`), `joint`
-    (`measure_joint`), `genetic` (`measure_genetic`), `rivals` (`measure_rivals`), `targets` (`judge`)."""
+    (`measure_joint`), `genetic` (`measure_genetic`), `rivals` (`measure_rivals`), `calibrators`
+    (`measure_calibrators`), `targets` (`judge`)."""
 
     circles: pd.DataFrame
     methods: pd.DataFrame
@@ -57,6 +60,7 @@ class Report:
     joint: pd.DataFrame
     genetic: pd.DataFrame
     rivals: pd.DataFrame
+    calibrators: pd.DataFrame
     targets: pd.DataFrame
 
 
@@ -74,4 +78,6 @@ def run(plan: Plan = FULL, *, workers: int = WORKERS) -> Report:
     joint = measure_joint(plan.views, repeats=plan.repeats)
     genetic = measure_genetic(seeds=plan.seeds)
     rivals = measure_rivals(repeats=plan.repeats)
-    return Report(circles, methods, sizes, joint, genetic, rivals, judge(circles, methods, sizes, joint, genetic))
+    calibrators = measure_calibrators(splits=plan.splits, repeats=plan.repeats)
+    targets = judge(circles, methods, sizes, joint, genetic)
+    return Report(circles, methods, sizes, joint, genetic, rivals, calibrators, targets)

@@ -5,13 +5,13 @@ one line in the table `calibration.CALIBRATION_METHODS`; a rival of the genetic 
 """
 
 from .baselines import DIFFERENTIAL_EVOLUTION, GENETIC, compare, search
-from .circle_counts import write_circle_counts, write_screw_bits
+from .circle_counts import match_circles, pictures_of_discs, write_circle_counts, write_screw_bits
 from .datasets import dataset
 from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
 from .ga_success import REACHED, VARIANTS, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
-from .honest_intervals import correlated_noise, correlated_trials, split_halves, write_split_halves
+from .honest_intervals import correlated_noise, correlated_trials, write_split_halves
 from .measured import load_measured, made_by, write_measured
 from .opencv_corners import sub_pixel_corners
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
@@ -41,12 +41,13 @@ __all__ = [
     "load_rendered_trials",
     "load_sector_corners",
     "made_by",
+    "match_circles",
     "monte_carlo",
+    "pictures_of_discs",
     "printed_ratio",
     "radial_profile",
     "rayleigh_counts",
     "search",
-    "split_halves",
     "sub_pixel_corners",
     "trial_poses",
     "trial_sets",

@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pegpose_lab import CalibrationError, Sensor, calibrate_joint
-from pegpose_lab.study import correlated_noise, correlated_trials, load_corners, load_measured, split_halves
+from pegpose_lab.study import correlated_noise, correlated_trials, load_measured
 from pegpose_lab.study.honest_intervals import HALVES, LENSES, measure_split_halves
 
 
@@ -30,25 +29,10 @@ def test_trials_say_what_correlated_noise_does():
     assert (table["sigma"] >= 0.999999 * table["classical_sigma"]).all()
 
 
-def test_halves_need_views_that_can_be_calibrated():
-    object_points, image_points, _, _ = load_corners()
-    sensor = Sensor((1.0, 1.0), (319.5, 239.5), (640, 480))
-    with pytest.raises(ValueError, match="four or more"):
-        split_halves(lambda *views: calibrate_joint(*views, sensor), object_points[:3], image_points[:3])
-    with pytest.raises(ValueError, match="as many"):
-        split_halves(lambda *views: calibrate_joint(*views, sensor), object_points, image_points[:5])
-
-    def refuse(*views):
-        raise CalibrationError("no")
-
-    with pytest.raises(CalibrationError, match="none of 3 partitions"):
-        split_halves(refuse, object_points, image_points, 3)
-
-
 def test_stated_sigmas_hold_on_photographs():
     """Classical sigmas hold half of the differences between halves, stated ones nearly all that they should."""
     table = load_measured("split_halves")
-    assert table["dataset"].nunique() == 5 and set(table["lens"]) == set(LENSES) and (table["halves"] == HALVES).all()
+    assert table["dataset"].nunique() == 5 and set(table["lens"]) == set(LENSES) and (table["repeats"] == HALVES).all()
     for _, part in table.groupby("lens"):
         assert 92 < part["within"].mean() < 98 and part["classical_within"].mean() < 65
     rms = table.groupby(["dataset", "lens"])[["rms_z", "classical_rms_z"]].agg(lambda z: np.sqrt(np.mean(z**2)))
