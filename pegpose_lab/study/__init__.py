@@ -11,7 +11,7 @@ from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
 from .ga_success import REACHED, VARIANTS, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
-from .honest_intervals import correlated_noise, correlated_trials, split_halves, write_split_halves
+from .honest_intervals import correlated_noise, correlated_trials, write_split_halves
 from .measured import load_measured, made_by, write_measured
 from .opencv_corners import sub_pixel_corners
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
@@ -48,7 +48,6 @@ __all__ = [
     "radial_profile",
     "rayleigh_counts",
     "search",
-    "split_halves",
     "sub_pixel_corners",
     "trial_poses",
     "trial_sets",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -9,9 +10,9 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from ..calibration import calibrate_joint
+from ..calibration import calibrate_joint, split_halves
 from ..camera import Sensor
-from ..checks import CalibrationError, DetectionError, as_count, as_number
+from ..checks import DetectionError, as_count, as_number
 from ..corners import find_corners
 from ..files import MEASURED_FOLDER
 from ..paper import paper_experiment
@@ -21,13 +22,12 @@ from .measured import made_by, write_measured
 from .trials import trial_poses
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from numpy.typing import ArrayLike, NDArray
     from pandas import DataFrame
 
-    from ..calibration import Calibration
 
 HALVES = 100
 BOARDS = {
@@ -45,8 +45,6 @@ LENSES = {
     "f_x, f_y, k1, k2, p1, p2": {"focal": "two", "coefficients": ("k1", "k2", "p1", "p2")},
 }
 """The lens models of `write_split_halves`: options of `calibrate_joint`."""
-
-_CAMERA = ("focal_length", "f_x", "f_y", "c_x", "c_y")
 
 
 def correlated_noise(points: ArrayLike, length: float, rng: np.random.Generator) -> NDArray[np.float64]:
@@ -144,106 +142,59 @@ def _judged(found, camera):
         yield name, error, found.sigma(name), classical, holds, abs(error) < 1.96 * classical, flagged
 
 
-def split_halves(
-    calibrate: Callable[..., Calibration],
-    object_points: Sequence[ArrayLike],
-    image_points: Sequence[ArrayLike],
-    halves: int = HALVES,
-    rng: int | np.random.Generator | None = 0,
-) -> DataFrame:
-    r"""Compare calibrations of random halves of the views: a check of the sigmas that needs no truth.
-
-    If they hold, :math:`z = (a - b) / \sqrt{\sigma_a^2 + \sigma_b^2}` of the two halves' estimates has the rms 1.
+def measure_split_halves(sets: Sequence[str] = tuple(BOARDS), lenses: Sequence[str] = tuple(LENSES)) -> DataFrame:
+    """`calibration.split_halves` of sets of photographs, by the stated and by the classical sigmas.
 
     Parameters
     ----------
-    calibrate : callable
-        Maps lists of object points and image points to a `Calibration`.
-    object_points, image_points : sequences of (n, 3) and (n, 2) array_like
-        mm and px, an entry a view; at least four.
-    halves : int
-        Number of random partitions.
-    rng : int or numpy.random.Generator, optional
+    sets, lenses : sequences of str
+        Of `BOARDS` and `LENSES`.
 
     Returns
     -------
     DataFrame
-        A row for each partition and each of f (or f_x, f_y), c_x and c_y: half, parameter, difference, z, classical_z.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than four views.
-    CalibrationError
-        If none of the partitions gives two calibrations.
-
-    Examples
-    --------
-    >>> from pegpose_lab import Sensor, calibrate_joint, study
-    >>> object_points, image_points, size, _ = study.load_corners()
-    >>> sensor = Sensor((1.0, 1.0), (319.5, 239.5), size)
-    >>> table = study.split_halves(lambda *views: calibrate_joint(*views, sensor), object_points, image_points, 2)
-    >>> len(table), bool(table["z"].abs().max() < table["classical_z"].abs().max())
-    (6, True)
-    """
-    if len(object_points) < 4 or len(object_points) != len(image_points):
-        raise ValueError(
-            f"object_points has {len(object_points)} views and image_points {len(image_points)}; expected as many, four or more"
-        )
-    rng, rows, error = np.random.default_rng(rng), [], None
-    for half in range(as_count(halves, "halves", 1)):
-        order = rng.permutation(len(object_points))
-        parts = np.array_split(order, 2)
-        try:
-            first, second = (
-                calibrate(*([v[k] for k in part] for v in (object_points, image_points))) for part in parts
-            )
-        except CalibrationError as refused:
-            error = refused
-            continue
-        for name in [name for name in _CAMERA if name in first.covariance.index]:
-            difference = first.camera.parameters[name] - second.camera.parameters[name]
-            tables = [first.covariance, second.covariance], [first.classical_covariance, second.classical_covariance]
-            sigmas = [np.sqrt(sum(table.loc[name, name] for table in pair)) for pair in tables]
-            rows.append((half, name, difference, *(difference / sigma for sigma in sigmas)))
-    if not rows:
-        raise CalibrationError(f"none of {halves} partitions gives two calibrations; add views (the last: {error})")
-    return pd.DataFrame(rows, columns=["half", "parameter", "difference", "z", "classical_z"])
-
-
-def measure_split_halves() -> DataFrame:
-    """`split_halves` of five sets of photographs, summarised for each lens model and parameter.
+        A row for each set, lens model, and parameter or projection: dataset, views, lens, parameter, repeats; rms_z and
+        within (share of z within 1.96, %) by the stated sigmas, classical_rms_z and classical_within.
 
     Raises
     ------
     ValueError, FileNotFoundError
         If the photographs are not found.
     """
-    rows = []
-    for name, board in BOARDS.items():
-        image_points, size = _corners(name, board)
+    tables = []
+    for name in sets:
+        image_points, size = _corners(name, BOARDS[name])
+        object_points = [BOARDS[name].object_points] * len(image_points)
         sensor = Sensor((1.0, 1.0), ((size[0] - 1) / 2, (size[1] - 1) / 2), size)
-        for lens, options in LENSES.items():
-            object_points = [board.object_points] * len(image_points)
-            table = split_halves(
-                lambda *views, o=options, s=sensor: calibrate_joint(*views, s, **o), object_points, image_points
+        for lens in lenses:
+            stated, classical = (
+                split_halves(object_points, image_points, calibrate, repeats=HALVES, rng=0)
+                for calibrate in _both_ways(sensor, LENSES[lens])
             )
-            for parameter, part in table.groupby("parameter", sort=False):
-                shares = [100 * np.mean(part[z].abs() < 1.96) for z in ("z", "classical_z")]
-                rms = [np.sqrt(np.mean(part[z] ** 2)) for z in ("z", "classical_z")]
-                rows.append((name, len(image_points), lens, parameter, len(part), rms[0], shares[0], rms[1], shares[1]))
-    columns = [
-        "dataset",
-        "views",
-        "lens",
-        "parameter",
-        "halves",
-        "rms_z",
-        "within",
-        "classical_rms_z",
-        "classical_within",
-    ]
-    return pd.DataFrame(rows, columns=columns)
+            table = stated.summary.join(classical.summary.add_prefix("classical_")).reset_index()
+            key = {"dataset": name, "views": len(image_points), "lens": lens}
+            tables.append(table.assign(**key, repeats=len(stated.table)))
+    columns = ["dataset", "views", "lens", "parameter", "repeats"]
+    return pd.concat(tables)[[*columns, "rms_z", "within", "classical_rms_z", "classical_within"]].reset_index(
+        drop=True
+    )
+
+
+def _both_ways(sensor, options):
+    """Two functions that calibrate views: with the stated and with the classical covariance, each view list only once."""
+    made = {}
+
+    def stated(object_points, image_points):
+        key = np.concatenate(image_points).tobytes()
+        if key not in made:
+            made[key] = calibrate_joint(object_points, image_points, sensor, **options)
+        return made[key]
+
+    def classical(object_points, image_points):
+        found = stated(object_points, image_points)
+        return replace(found, covariance=found.classical_covariance)
+
+    return stated, classical
 
 
 def _corners(name, board):

@@ -1,5 +1,9 @@
 """Judges whether the views determine f: flags if they hardly do, errors if they do not."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...checks import CalibrationError, Flag
@@ -10,6 +14,9 @@ from .bundle import Equations, descend
 from .models import GivenFocalLength
 from .starts import plane_rotations
 from .views import State, evaluate
+
+if TYPE_CHECKING:
+    from .fitting import Fit
 
 LITTLE_WORTH = 0.05
 """The information about f is tested if its relative sigma, times the root of the number of views, is above this."""
@@ -59,7 +66,7 @@ def _judge(fit, object_points):
     return flags
 
 
-def judge_independence(fit):
+def judge_independence(fit: Fit) -> tuple[Flag, ...]:
     """A flag if the errors of a view's corners are not independent; it says which sigmas are stated."""
     scatter = fit.scatter
     if not scatter.dependent:
