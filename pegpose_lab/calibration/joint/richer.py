@@ -91,11 +91,8 @@ def better_model(
             if loss == "linear" or not candidate.nested:  # with a robust loss each model has its own scale
                 squares = other.squares
         criterion = coordinates * np.log(squares) + number * np.log(coordinates)
-        if candidate.nested:
-            significant = _tail(fit, squares, number) < level
-        else:
-            significant = criterion < coordinates * np.log(fit.squares)
-        if significant:
+        least = coordinates * np.log(fit.squares)
+        if _tail(fit, squares, number) < level if candidate.nested else criterion < least:
             statistic = _statistic(fit, squares, number) if candidate.nested else np.nan
             found.append((criterion, Better(candidate, statistic, squares / (fit.freedom - number), moved, board)))
     return min(found, key=lambda entry: entry[0], default=(np.inf, None))[1]
