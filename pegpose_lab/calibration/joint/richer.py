@@ -40,7 +40,6 @@ LEVEL = 0.01
 LEAST_INFORMATION = 1e-9
 """A candidate is not tried if its parameters have less information than this (see `covariance.LEAST_INFORMATION`)."""
 
-
 SMALL_GAIN = 0.1
 """The sentence warns of correlated noise if the rms falls by less than this fraction: real corners that err together have
 given F up to 20 with gains of 1 %."""
@@ -89,13 +88,13 @@ def better_model(
             if candidate.of_board:
                 values = dict(zip(other.model.names, other.state.shared.tolist(), strict=True))
                 board = {name: values[name] for name in other.model.board.names}
-            if loss == "linear":  # with a robust loss each model has its own scale, so squares are not comparable
+            if loss == "linear" or not candidate.nested:  # with a robust loss each model has its own scale
                 squares = other.squares
-        statistic = _statistic(fit, squares, number) if candidate.nested else np.nan
-        significant = _tail(fit, squares, number) < level if candidate.nested else squares < fit.squares
-        if significant:
-            better = Better(candidate, statistic, squares / (fit.freedom - number), moved, board)
-            found.append((coordinates * np.log(squares) + number * np.log(coordinates), better))
+        criterion = coordinates * np.log(squares) + number * np.log(coordinates)
+        least = coordinates * np.log(fit.squares)
+        if _tail(fit, squares, number) < level if candidate.nested else criterion < least:
+            statistic = _statistic(fit, squares, number) if candidate.nested else np.nan
+            found.append((criterion, Better(candidate, statistic, squares / (fit.freedom - number), moved, board)))
     return min(found, key=lambda entry: entry[0], default=(np.inf, None))[1]
 
 
