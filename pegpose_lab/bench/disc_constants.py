@@ -43,7 +43,8 @@ NAME = "disc_constants"
 FIRST_FRAME, FRAMES = 30_000, 10
 OFF = 0.1
 LAYOUT = {
-    "N_RAYS", "RAY_POINTS", "REMAP_LIMIT", "GROUP", "CHUNK", "QUANTISATION", "N_SECTORS", "SECTOR_ROW", "LONGER_ROW", "PARTS"
+    "N_RAYS", "RAY_POINTS", "REMAP_LIMIT", "GROUP", "CHUNK", "MOST_KEPT", "QUANTISATION",
+    "N_SECTORS", "SECTOR_ROW", "LONGER_ROW", "PARTS",
 }  # fmt: skip
 """Constants without a choice: layouts of arrays, limits of other libraries, and values that follow from others."""
 

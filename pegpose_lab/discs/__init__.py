@@ -31,7 +31,8 @@ FALL             1         exponent of these frequencies' weights
 PARTS            parts *   of an edge, enough for the highest frequency
 RING             px        least half width of the ring: three edge widths hold the whole edge, and clutter is farther
 RING_WIDTHS      widths    half width of the ring where that is more
-CHUNK            px *      pixels summed in float32 at a time, so that no sum depends on its company
+CHUNK            px *      pixels in a row of a ring, so that rings of all sizes stand in one array
+MOST_KEPT        1 *       numbers of an array whose memory is used again
 QUANTISATION     grey^2 *  variance of rounding to whole grey values
 GROUND           px        how far from the edge the even ground may help
 GROUND_WIDTHS    widths    edge widths between edge and ground: Phi is 0 or 1 there
@@ -42,7 +43,7 @@ NEAR_CHI2        1         and its chi2 so small: clutter has not drawn it away
 SECTOR_SIGMAS    sigmas    excess of a sector's chi2 that gives it levels of its own
 OWN_EXCESS       1         gain in chi2 by own levels that does so, too; their four unknowns alone gain 4
 OWN_WEIGHT       1         of a sector with levels of its own: what changes them is seldom straight
-ALONE            steps     in which all sectors have levels of their own: the common ones are not known yet
+ALONE            steps     in which all sectors have levels of their own, unless one is small: the common ones are unknown
 FREEZE           steps     after which no sector changes sides, so that the refit converges
 LAST_STEP        sigma^2   squared length of the refit's last step
 UNEVEN           contrast  how much common levels may change around a disc: freely, they fit what hides its edge

@@ -6,7 +6,7 @@ import numpy as np
 
 RING = 6.0  # px on either side of the edge that take part in the fit, at least
 RING_WIDTHS = 3.0  # edge widths s that do
-CHUNK = 256  # pixels that are summed in float32: no sum depends on how far a disc's row is filled up
+CHUNK = 256  # pixels in a row: rings of all sizes stand in one array
 
 
 @dataclass

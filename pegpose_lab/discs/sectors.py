@@ -6,6 +6,7 @@ log s, the grey values, 1, Phi, the distance and the distance times Phi.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -53,9 +54,10 @@ def _sectors(image, ellipses):
     numbers = N_SECTORS[np.abs(np.log(N_SECTORS * SECTOR_LENGTH / (2 * np.pi * ellipses.r[:, None]))).argmin(axis=1)]
     firsts = np.cumsum(numbers) - numbers
     sector, *pixels = _ring(image, ellipses, numbers, firsts)
-    order = np.argsort(sector, kind="stable")
+    short = sector.astype(np.uint16) if numbers.sum() < 2**16 else sector  # sorted by their digits, which is faster
+    order = np.argsort(short, kind="stable")
     disc, count = np.repeat(np.arange(n), numbers), np.bincount(sector, minlength=numbers.sum())
-    around = np.concatenate([_directions(number) for number in numbers], axis=1)
+    around = np.concatenate([_directions(number) for number in numbers.tolist()], axis=1)
     spans = [slice(first, first + number) for first, number in zip(firsts.tolist(), numbers.tolist(), strict=True)]
     return _Sectors(ellipses, disc, count, around, spans, _rows_of(ellipses, disc, count, sector, order, pixels))
 
@@ -92,13 +94,14 @@ def _rows_of(ellipses, disc, count, sector, order, pixels):
         filled = np.zeros((4, len(rows) * length), np.float32)
         filled[0] = np.repeat(ellipses.r[disc[rows]], length)
         for to, values in zip(filled, pixels, strict=False):
-            to[where] = values[order][there]
+            to[where] = values[order[there]]
         filled[3, where] = 1
         origin = np.stack([ellipses.x, ellipses.y], axis=1)[disc[rows]]
         parts.append((rows, _Pixels(origin, *filled.reshape(4, len(rows), length), np.zeros(len(rows)))))
     return parts
 
 
+@lru_cache(maxsize=len(N_SECTORS))
 def _directions(k):
     """1, cos t and sin t (3, k) of the directions t in which k sectors lie."""
     t = (np.arange(k) + 0.5) * (2 * np.pi / k) - np.pi
@@ -146,10 +149,12 @@ class _SectorFit:
 
 def _own_levels(moments, count, noise):
     """Each sector with a level and a slope of its own on either side; `noise` (K,)."""
-    left, factors = moments, []
+    left, factors, work = moments, [], np.empty((10, 10, len(count)))
     for ridge in (1e-3, 1e-3, 1e-6, 1e-6):  # the distance times Phi, the distance, Phi, 1
         factors.append(left[-1, :-1] / (left[-1, -1] + ridge))
-        left = left[:-1, :-1] - left[:-1, -1:] * factors[-1]
+        product = work[: len(left) - 1, : len(left) - 1]
+        np.multiply(left[:-1, -1:], factors[-1], out=product)
+        left = np.subtract(left[:-1, :-1], product, out=None if left is moments else left[:-1, :-1])
     level = factors[3][_GREY]
     contrast = factors[2][_GREY] - factors[2][_ONE] * level
     chi2 = np.maximum(left[_GREY, _GREY] / np.maximum(count - 4, 1), QUANTISATION) / noise**2

@@ -126,7 +126,7 @@ def _by_shape_of_ring(found, rows, ring, design, centers, shapes):
     return found
 
 
-def _by_grey_values(image, found, states, signs):
+def _by_grey_values(image, found, states, signs, most=MOST_HOLD):
     """The same with the fit to the grey values, if that finds the own rims of most places and its model holds there.
 
     Else no place has it: two measures of one ring differ by more than either scatters from frame to frame.
@@ -135,12 +135,14 @@ def _by_grey_values(image, found, states, signs):
     fits = []
     for sign, polarity in ((1, "bright"), (-1, "dark")):
         some = rows[signs[rows] == sign]
+        if len(some) == 0:
+            continue
         discs = fit_discs(image, Circles(found[0][some], found[2][some], np.ones(len(some)), polarity))
         near = np.maximum(1.0, FIT_AGREES * found[2][some])
         agrees = np.linalg.norm(discs.centers - found[0][some], axis=1) < near
         agrees &= np.abs(discs.radii - found[2][some]) < near
         fits.append((some, discs, discs.accepted & agrees & (discs.chi2 < MODEL_HOLDS)))
-    if sum(int(good.sum()) for _, _, good in fits) >= MOST_HOLD * max(len(rows), 1):
+    if sum(int(good.sum()) for _, _, good in fits) >= most * max(len(rows), 1):
         for some, discs, good in fits:
             found[0][some[good]] = discs.centers[good]
             found[1][some[good]] = discs.covariance[good][:, :2, :2]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import REMAP_LIMIT, DetectionError, Flag, as_number
-from .design import _design
+from .design import SIGNS, _design
 from .edges import _field, _field_near, _refined
 from .judge import WORTH, _agreement
 from .measure import PegObservation
@@ -29,7 +29,7 @@ RIVAL = 0.85  # of the best ring's score
 PROPORTION = 0.15  # of the radius: more than what a marking by hand or a chamfer changes
 MISFIT = 2.5  # ratio of the residual to that of single ellipses, and
 LEAST_MISFIT = 0.3, 0.012  # px, and part of the radius: a residual below both is no misfit
-MARK_SIGMA = 0.5  # px, of a mark: it is found on a grid of places, and not fitted
+MARK_SIGMA = 0.5  # px, of a mark that is not fitted as a disc: it is found on a grid of places
 STEEP = 2.5  # ratio of the axes of a circle's image
 
 
@@ -159,7 +159,7 @@ def _observed(image, field, seeds, rings, design, pattern, previous):
     _demand_discs(places, ring, pattern)
     bore_center, bore_radius, bore_sigma, bore_off, base = _bore(image, field, ring, design)
     labels = _label(field, ring, design, pattern, previous, base)
-    turn = labels.turn
+    turn, marks = labels.turn, _measured_marks(image, labels, pattern)
     residual, ratio = _residual(ring, design, places.states)
     normal_from_pattern = design.normal_from_pattern
     homography = ring.plane.homography @ _rotation(design, turn) @ normal_from_pattern
@@ -175,9 +175,9 @@ def _observed(image, field, seeds, rings, design, pattern, previous):
         peg_radii=places.radii[turn],
         peg_sigmas=sigmas[turn],
         hub_center=middle[:2] / middle[2],
-        screw_centers=labels.marks[0],
-        screw_radii=np.sqrt(np.abs(np.linalg.det(labels.marks[1]))),
-        screw_sigmas=np.where(labels.seen[:, None] > 0, MARK_SIGMA, np.inf) * np.ones((1, 2)),
+        screw_centers=marks[0],
+        screw_radii=marks[2],
+        screw_sigmas=np.sqrt(np.diagonal(marks[1], axis1=1, axis2=2)),
         bore_center=bore_center,
         bore_radius=bore_radius,
         bore_sigma=bore_sigma,
@@ -192,6 +192,16 @@ def _observed(image, field, seeds, rings, design, pattern, previous):
         turns=np.array(labels.turns),
         rivals=tuple(_homography_of(other, normal_from_pattern) for other in rivals),
     )
+
+
+def _measured_marks(image, labels, pattern):
+    """Centres (m, 2), covariances (m, 2, 2) and radii (m,) of the marks, by the fit to the grey values where it holds."""
+    sigmas = np.where(labels.seen > 0, MARK_SIGMA, np.inf)
+    covariances = np.zeros((len(sigmas), 2, 2))
+    covariances[:, 0, 0] = covariances[:, 1, 1] = sigmas**2
+    found = [labels.marks[0].copy(), covariances, np.sqrt(np.abs(np.linalg.det(labels.marks[1])))]
+    signs = np.array([SIGNS[mark.polarity] for mark in pattern.marks])
+    return _by_grey_values(image, found, np.where(labels.seen >= WORTH, "measured", "missing"), signs, most=0)
 
 
 def _homography_of(ring, normal_from_pattern):

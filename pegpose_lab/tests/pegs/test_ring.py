@@ -113,6 +113,19 @@ def test_marks_decide_the_labels_and_say_so():
         np.testing.assert_allclose(observation.screw_centers, ellipse_centers(h, [mark.center], 4.0), atol=1.0)
 
 
+def test_marks_are_measured_as_discs_with_their_sigmas():
+    mark, pulls = RingMark((30 * np.cos(0.3), 30 * np.sin(0.3)), 5.0), []
+    ring = pattern(5, marks=[mark])
+    for seed in range(50):
+        h = homography(ring, np.random.default_rng(seed), tilt=25)
+        picture = drawn([*ring_discs(ring, 200), (*mark.center, mark.radius, 200)], h, rng=seed, noise=4.0)
+        observation = locate_pegs(picture, ring, radius_range=(10, 30))
+        assert (observation.screw_sigmas < 0.1).all()
+        error = observation.screw_centers - ellipse_centers(h, [mark.center], mark.radius)
+        pulls.append(error / observation.screw_sigmas)
+    assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.5
+
+
 def test_without_a_mark_the_frame_before_decides_and_the_turns_are_told():
     ring = pattern(5, bore=(16.0, "dark"))
     rng = np.random.default_rng(7)
