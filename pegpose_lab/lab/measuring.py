@@ -56,6 +56,7 @@ MEASUREMENTS = {
     "mrcal_uncertainty": Measurement(
         "bench.write_mrcal_uncertainty", ("mrcal_uncertainty",), "20 s", tools=("mrcal", "mrcal, Debian")
     ),
+    "bent_boards": Measurement("study.write_bent_boards", ("bent_boards",), "2 min"),
     "ga_success": Measurement("study.write_success", ("ga_success",), "3 min"),
     "disc_constants": Measurement("bench.write_disc_constants", ("disc_constants",), "4 min"),
     "rendered_trials": Measurement("study.write_rendered_trials", ("rendered_trials",), "10 min"),

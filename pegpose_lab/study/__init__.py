@@ -5,6 +5,7 @@ one line in the table `calibration.CALIBRATION_METHODS`; a rival of the genetic 
 """
 
 from .baselines import DIFFERENTIAL_EVOLUTION, GENETIC, compare, search
+from .bent_boards import bent_board_trials, bowed_board, summarize_bent_boards, write_bent_boards
 from .circle_counts import match_circles, pictures_of_discs, write_circle_counts, write_screw_bits
 from .datasets import dataset
 from .disc_pulls import write_disc_pulls
@@ -19,6 +20,7 @@ from .real_rings import write_real_rings
 from .sector_corners import load_sector_corners, write_sector_corners
 from .segmented_parts import write_parts
 from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, write_rendered_trials
+from .wide_views import views_over_image
 
 __all__ = [
     "DIFFERENTIAL_EVOLUTION",
@@ -28,6 +30,8 @@ __all__ = [
     "PARAMETERS",
     "REACHED",
     "VARIANTS",
+    "bent_board_trials",
+    "bowed_board",
     "compare",
     "correlated_noise",
     "correlated_trials",
@@ -49,8 +53,11 @@ __all__ = [
     "rayleigh_counts",
     "search",
     "sub_pixel_corners",
+    "summarize_bent_boards",
     "trial_poses",
     "trial_sets",
+    "views_over_image",
+    "write_bent_boards",
     "write_circle_counts",
     "write_disc_pulls",
     "write_grid",

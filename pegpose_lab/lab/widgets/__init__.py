@@ -12,12 +12,14 @@ from .circles import circle_explorer
 from .explorer import show
 from .genetic import genetic_explorer
 from .hub import hub_explorer
+from .intervals import interval_explorer
 from .threshold import threshold_explorer
 
 __all__ = [
     "circle_explorer",
     "genetic_explorer",
     "hub_explorer",
+    "interval_explorer",
     "show",
     "threshold_explorer",
 ]

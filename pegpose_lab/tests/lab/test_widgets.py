@@ -11,9 +11,10 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from pegpose_lab import checks
 from pegpose_lab.calibration import PENALTY
 from pegpose_lab.camera import OpenCVCamera, TsaiCamera
-from pegpose_lab.lab.widgets import circles, genetic, hub, show, threshold
+from pegpose_lab.lab.widgets import circles, genetic, hub, intervals, show, threshold
 from pegpose_lab.lab.widgets import explorer as explorer_file
 from pegpose_lab.lab.widgets.explorer import SHOWN_WIDTH, Explorer
+from pegpose_lab.paper import paper_experiment
 from pegpose_lab.render import render_hub
 from pegpose_lab.targets import Hub
 
@@ -35,13 +36,14 @@ def image():
     return render_hub(CAMERA, pose, Hub(), rng=0)
 
 
-@pytest.fixture(params=["threshold", "circle", "genetic", "hub"])
+@pytest.fixture(params=["threshold", "circle", "genetic", "hub", "interval"])
 def explorer(request, image):
     return {
         "threshold": lambda: threshold.threshold_explorer(image),
         "circle": lambda: circles.circle_explorer(image, radius_range=(18, 30)),
         "genetic": lambda: genetic.genetic_explorer(valley, BOUNDS, generations=30),
         "hub": lambda: hub.hub_explorer(CAMERA, Hub(), PLANE),
+        "interval": lambda: intervals.interval_explorer(paper_experiment()),
     }[request.param]()
 
 
@@ -283,3 +285,16 @@ def test_smaller_camera_sees_the_same():
 def _numbers(line):
     """theta, x and y of a line of text."""
     return [float(part.split()[0]) for part in line.split("= ")[1:]]
+
+
+def test_interval_explorer_counts_the_intervals_that_hold():
+    """Correlated errors: the stated intervals hold more often; a bow: none does, and the flag says so."""
+    explorer = intervals.interval_explorer(paper_experiment())
+    assert "flags: none" in explorer.text
+    explorer.controls["correlation"].value = 200
+    stated, classical = (
+        int(part.split()[0]) for part in explorer.text.split("is in ")[1:2] + explorer.text.split("and in ")[1:2]
+    )
+    assert stated > classical and "clustered-sigmas" in explorer.text
+    explorer.controls["correlation"].value, explorer.controls["bow"].value = 0, 0.4
+    assert "the truth is in 0 of 8" in explorer.text and "misfit-board (8 of 8)" in explorer.text

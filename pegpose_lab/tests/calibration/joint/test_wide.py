@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import CalibrationError, Checkerboard, FisheyeCamera, OpenCVCamera, Sensor, calibrate_joint
 from pegpose_lab.calibration.joint.models import RATIONAL
+from pegpose_lab.study import views_over_image
 
-SIZE, POINTS = (1600, 1200), Checkerboard(9, 7, 30.0).object_points
+SIZE, BOARD = (1600, 1200), Checkerboard(9, 7, 30.0)
 SENSOR = Sensor((1, 1), (799.5, 599.5), SIZE)
 FISHEYE = FisheyeCamera([[500, 0, 802], [0, 500, 597], [0, 0, 1]], [0.02, -0.005, 0.002, -0.0005], SIZE)
 ACTION = OpenCVCamera([[870, 0, 802], [0, 870, 597], [0, 0, 1]], [-0.35, 0.15, 0, 0, -0.03], SIZE)
@@ -20,27 +20,7 @@ LENSES = [
 
 
 def scene(camera, widest, seed, number=13, noise=0.1):
-    """Boards over the whole picture, tilted by 10 to 40 deg to the line of sight, as far as they lie in it."""
-    rng, points, images = np.random.default_rng(seed), [], []
-    while len(images) < number:
-        angle, tilt = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(10, 40))
-        turn = Rotation.from_rotvec(tilt * np.array([np.cos(angle), np.sin(angle), 0]))
-        turn = turn * Rotation.from_rotvec([0, 0, rng.uniform(-0.5, 0.5)])
-        sight = np.append(camera.to_normalized([[rng.uniform(200, 1400), rng.uniform(150, 1050)]])[0], 1.0)
-        sight /= np.linalg.norm(sight)
-        turn = Rotation.align_vectors([sight], [[0, 0, 1]])[0] * turn
-        pose = RigidTransform.from_components(sight * rng.uniform(200, 350) - turn.apply(POINTS.mean(axis=0)), turn)
-        seen = pose.apply(POINTS)
-        kept = np.degrees(np.arctan2(np.hypot(*seen[:, :2].T), seen[:, 2])) < widest
-        if kept.sum() < 25:
-            continue
-        image = camera.project(POINTS[kept], pose)
-        inside = np.all((image > 5) & (image < np.array(SIZE) - 6), axis=1)
-        own = POINTS[kept][inside]
-        if inside.sum() >= 25 and min(len(np.unique(own[:, 0])), len(np.unique(own[:, 1]))) > 2:
-            points.append(own)
-            images.append(image[inside] + noise * rng.standard_normal((inside.sum(), 2)))
-    return points, images
+    return views_over_image(camera, BOARD, widest=widest, number=number, noise=noise, rng=seed)
 
 
 @pytest.mark.parametrize("camera, widest, options, words", LENSES, ids=["fisheye", "k1 k2 k3", "rational"])
