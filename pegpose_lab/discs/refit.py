@@ -99,6 +99,9 @@ def _refit(shape, sectors, log_s, contrast, noise):
         result.ellipse = base.moved(*moved[:, :5].T)
         result.log_s, levels = np.clip(base_s + moved[:, 5], -1.5, 2.0), levels + step[:, 6:]
         result.reasons[active & (_distance(result.ellipse, start) > RING)] = "does not converge"
+        if last.any():
+            made_of = free, own, weights, shared, normal, scores
+            _state(result, last & (result.reasons == ""), moments, levels, sectors, held, noise, tolerated, *made_of)
         active &= ~last & (result.reasons == "")
         if not active.any():
             break
@@ -108,14 +111,12 @@ def _refit(shape, sectors, log_s, contrast, noise):
         if follow.any():
             _shift_moments(moments, np.where(follow[:, None], step[:, :6], 0)[disc])
     result.reasons[active] = "does not converge"
-    _state(result, moments, levels, sectors, held, noise, tolerated, free, own, weights, (shared, normal, scores))
     result.reasons[(result.reasons == "") & ~_inside(result.ellipse, shape)] = "leaves the image"
     return result
 
 
-def _state(result, moments, levels, sectors, held, noise, tolerated, free, own, weights, last):
-    """Set covariance and variance of the discs that are done, from what the `last` step was made of."""
-    shared, normal, scores = last
+def _state(result, rows, moments, levels, sectors, held, noise, tolerated, free, own, weights, shared, normal, scores):
+    """Set covariance and variance of the discs whose last step this is, from what it was made of."""
     chi2, noise_of = np.where(own, free.chi2, shared), noise[sectors.disc]
     known = np.where(own, 0, np.maximum(chi2, tolerated))
     middle = _common_normal(moments, levels, sectors, known)[:, :12, :12] + held[:, :, None] * np.eye(12)
@@ -123,7 +124,7 @@ def _state(result, moments, levels, sectors, held, noise, tolerated, free, own, 
     displaced, slopes = _radial_scores(moments, *_common_levels(levels, sectors), free, own, weights)
     information = slopes * np.where(own, weights**2 * chi2, known) * noise_of**2
     shares = np.maximum(weights * sectors.count, 1e-9)
-    for i in np.flatnonzero(result.reasons == ""):
+    for i in np.flatnonzero(rows):
         part, variance = sectors.spans[i], noise[i] ** 2
         excess = _excess(displaced[None, part], information[None, part])[0]
         both = variance * middle[i], variance * own_noise[i]

@@ -1,7 +1,8 @@
 """Labelled pegs of a hub, or discs of any ring, in an image, and in one frame after another: `locate_pegs`, `track_pegs`.
 
 For a `Hub` the steps are `candidates`, `rings`, `labels` and `measure`; `locate` and `track` lead through them.  A new
-rule for the labels belongs in `labels`.
+rule for the labels belongs in `labels`.  With a frame before it, `moved` finds the discs' motion, and `follow` (of a ring
+`search`) measures them there.
 
 For a `RingPattern` (in the form of `design`) `ring` leads through these:
 

@@ -52,9 +52,12 @@ def locate_pegs(
         Radii of a ring's discs; by default all that a ring in the picture can have, which takes longer.  Not used for a
         hub, whose bore gives the scale.
     previous : PegObservation, optional
-        The same hub in the frame before.
+        The same hub in the frame before.  Where its discs moved together by less than their radius, they are measured
+        where they have moved to, without a search; what is not certain there (a disc that is not measured, or has
+        another size or shape than its place asks for) is searched in the whole picture.  Labels hold
+        up to turns of not quite half the angle between two equal labellings.
     min_area, threshold : float, optional
-        For a hub, as for `segment`; `min_area` has to be below the area of a screw (px).
+        For a hub that is searched, as for `segment`; `min_area` has to be below the area of a screw (px).
 
     Returns
     -------
