@@ -31,7 +31,7 @@ _LEAST_ANGLE = 0.3  # sine of the angle between the lines of a grid
 def saddle_points(image: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], NDArray[np.float32], NDArray[np.float32]]:
     """Where the saddle points are (h, w) bool, how strong they are, and twice the angle of their axes (rad)."""
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), _SMOOTH)
-    across = 4 * cv2.Sobel(smooth, -1, 1, 1, ksize=3)  # the kernels of the others weigh four times as much
+    across = cv2.Sobel(smooth, -1, 1, 1, ksize=3)
     along_x, along_y = cv2.Sobel(smooth, -1, 2, 0, ksize=3), cv2.Sobel(smooth, -1, 0, 2, ksize=3)
     strength = across**2 - along_x * along_y
     peaks = (strength == cv2.dilate(strength, _SEVEN)) & (strength > WEAKEST * strength.max())
