@@ -246,13 +246,7 @@ def as_choice(value: Any, name: str, choices: Iterable[T]) -> T:
 
 
 def as_pose(pose: RigidTransform, name: str) -> RigidTransform:
-    """Return `pose` if it is one `RigidTransform`.
-
-    Raises
-    ------
-    ValueError
-        If it is not.
-    """
+    """Return `pose`; ValueError if it is not one `RigidTransform`."""
     if not isinstance(pose, RigidTransform) or not pose.single:
         raise ValueError(f"{name} is {type(pose).__name__}; expected one scipy RigidTransform")
     return pose

@@ -150,15 +150,15 @@ class Calibration:
         >>> seen = [points + 0.1 * rng.standard_normal(points.shape) for points in seen]
         >>> low, high = calibrate_joint([board] * 5, seen, truth.camera.sensor).interval("focal_length")
         >>> round(low, 2), round(high, 2), low < truth.camera.focal_length < high
-        (47.85, 48.05, True)
+        (47.87, 47.97, True)
         """
         if name not in self.camera.parameters or self.freedom is None:
             raise ValueError(
                 f"name is {name!r}; expected one of {', '.join(self.camera.parameters)}, with a covariance"
             )
         value, sigma = self.camera.parameters[name], self.sigma(name)
-        half = stdtrit(self.freedom, (1 + as_number(level, "level", 0, 1, exclusive=True)) / 2) * sigma
-        return value - half, value + half
+        half = float(stdtrit(self.freedom, (1 + as_number(level, "level", 0, 1, exclusive=True)) / 2)) * sigma
+        return float(value - half), float(value + half)
 
     @property
     def sigmas_from(self) -> str:
