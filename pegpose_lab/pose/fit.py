@@ -17,7 +17,7 @@ from .discs import DiscImages, Pose
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
 
 ROUNDS = 10
 """Largest number of rounds, each with new shifts of the images' centres; three are enough near the minimum."""
@@ -54,7 +54,7 @@ class Discs:
     radii: np.ndarray
     measured: np.ndarray
 
-    def images(self, pose: Pose, camera: TsaiCamera | OpenCVCamera) -> DiscImages:
+    def images(self, pose: Pose, camera: TsaiCamera | OpenCVCamera | FisheyeCamera) -> DiscImages:
         """What the camera would see; ValueError if a disc has no image."""
         return DiscImages.of(camera, pose, self.centers, self.radii)
 
@@ -92,7 +92,7 @@ class Fit:
         return np.einsum("ikp,kpq,jkq->ij", gain, noise, gain)
 
 
-def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera) -> Fit:
+def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera | FisheyeCamera) -> Fit:
     r"""Least squares of the directions to the discs.
 
     With the shifts s(p) of the images' centres from the images of the discs' centres, the measured centres m, and the
@@ -108,7 +108,7 @@ def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera) -> Fi
 
 
 def approach(
-    pose: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera, settled: float
+    pose: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera | FisheyeCamera, settled: float
 ) -> tuple[Pose, NDArray[np.float64], NDArray[np.float64]]:
     """The pose after a step that is no longer than `settled`, and two matrices from where that began.
 

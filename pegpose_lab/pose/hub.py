@@ -13,7 +13,7 @@ from .discs import Pose, _as_radii, back_project_discs, place_discs, pose_of
 from .fit import NEAR, Discs, Fit, approach, descend, fit_pose
 
 if TYPE_CHECKING:
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
     from ..pegs import PegObservation
     from ..targets import Hub
 
@@ -77,7 +77,7 @@ class HubPose:
 
 def estimate_pose(
     observation: PegObservation,
-    camera: TsaiCamera | OpenCVCamera,
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
     hub: Hub,
     *,
     plane: RigidTransform | None = None,
@@ -90,7 +90,7 @@ def estimate_pose(
         `peg_centers` and `peg_radii` in px, in label order, and for the covariance `peg_covariances` (n, 2, 2), px^2, or
         `peg_sigmas` (n, 2), px.  Without `plane` also `screw_centers` and
         `bore_center`, which tell the two mirror solutions of a planar pose apart.
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     hub : Hub
     plane : RigidTransform, optional
         cam_from_plane of the plane of the peg tops, its z axis away from the camera.  With it the pose has the
