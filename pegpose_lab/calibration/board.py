@@ -32,6 +32,9 @@ UNKNOWNS = {"warp": ("warp_x", "warp_y"), "bend": ("twist", "bend_x", "bend_y"),
 FLAT_VALUES = {"aspect": 1.0}
 """The values of a board that is exact; 0 for the parameters that are not named."""
 
+SMALLEST_PART = 1e-9
+"""An unknown that moves points by less than this part of the board's half width moves none, but for rounding."""
+
 FIRST_NOISE = 0.1
 """px: noise of the first fit with priors; later fits take that of the residuals."""
 
@@ -193,4 +196,8 @@ def board_unknowns(
             f"object_points leave the plane through all views' points by {100 * relief(points):.2g} % of their width; "
             f"with unknowns of the board all views must show one board, flat to {100 * FLAT:g} %"
         )
+    moved = np.abs(unknowns.bent(np.concatenate(object_points), unknowns.start)[1]).max(axis=(0, 1))
+    for name, part in zip(unknowns.names, moved, strict=True):
+        if part <= SMALLEST_PART * max(unknowns.half):
+            raise ValueError(f"board: {name} moves no point of a board with so few rows or columns; leave it out")
     return unknowns, scale

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from scipy.spatial.transform import RigidTransform
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
 
 RIM_POINTS = 32
 """On a disc's rim: sums over a smooth closed curve converge exponentially, and this many reach rounding errors."""
@@ -39,13 +39,16 @@ _DERIVATIVE = _fourier_derivative(RIM_POINTS)
 
 
 def project_discs(
-    camera: TsaiCamera | OpenCVCamera, cam_from_object: RigidTransform, centers: ArrayLike, radii: ArrayLike
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
+    cam_from_object: RigidTransform,
+    centers: ArrayLike,
+    radii: ArrayLike,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Image of discs that lie in planes z = const of an object's frame.
 
     Parameters
     ----------
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     cam_from_object : RigidTransform
     centers : (n, 3) array_like
         mm, in the object's frame.
@@ -136,7 +139,7 @@ class DiscImages:
     @classmethod
     def of(
         cls,
-        camera: TsaiCamera | OpenCVCamera,
+        camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
         pose: Pose,
         centers: NDArray[np.float64],
         radii: NDArray[np.float64],
@@ -200,7 +203,7 @@ class DiscImages:
 def back_project_discs(
     image_centers: ArrayLike,
     image_radii: ArrayLike,
-    camera: TsaiCamera | OpenCVCamera,
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
     cam_from_plane: RigidTransform,
     *,
     iterations: int = 30,
@@ -213,7 +216,7 @@ def back_project_discs(
         Centres of area of the images (centres of the ellipses), px.
     image_radii : (n,) array_like
         Radii of the circles of equal area, px.
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     cam_from_plane : RigidTransform
     iterations : int
         Largest number of Newton's steps; they end when nothing moves by more than `SETTLED`.
@@ -243,7 +246,7 @@ def back_project_discs(
 def place_discs(
     image_centers: NDArray[np.float64],
     image_radii: NDArray[np.float64],
-    camera: TsaiCamera | OpenCVCamera,
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
     pose: Pose,
     centers: NDArray[np.float64],
     radii: NDArray[np.float64],

@@ -17,7 +17,7 @@ from .discs import DiscImages, Pose
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
 
 ROUNDS = 10
 """Largest number of rounds, each with new shifts of the images' centres; three are enough near the minimum."""
@@ -58,7 +58,7 @@ class Discs:
     measured_radii: np.ndarray
     information: np.ndarray
 
-    def images(self, pose: Pose, camera: TsaiCamera | OpenCVCamera) -> DiscImages:
+    def images(self, pose: Pose, camera: TsaiCamera | OpenCVCamera | FisheyeCamera) -> DiscImages:
         """What the camera would see; ValueError if a disc has no image."""
         return DiscImages.of(camera, pose, self.centers, self.radii)
 
@@ -114,7 +114,7 @@ class Fit:
         return np.einsum("ikp,kpq,jkq->ij", self.gain, noise, self.gain)
 
 
-def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera) -> Fit:
+def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera | FisheyeCamera) -> Fit:
     r"""Weighted least squares of the discs' images over the pose: maximum likelihood if the noise is normal.
 
     With the centres and radii m(p) of the images, those measured, m, and their information W, it minimises
@@ -129,7 +129,7 @@ def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera) -> Fi
     return Fit(pose, images, discs.cost(images), gain.reshape(6, -1, 3))
 
 
-def fit_in_plane(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera, frame: NDArray[np.float64]) -> Fit:
+def fit_in_plane(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera | FisheyeCamera, frame: NDArray[np.float64]) -> Fit:
     """The same over x, y and a turn about z of a plane whose axes are the columns of `frame` (3, 3), in the camera's."""
     motion = np.zeros((6, 3))
     motion[:3, :2], motion[3:, 2] = frame[:, :2], frame[:, 2]
@@ -152,7 +152,7 @@ def fit_in_plane(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera, f
 
 
 def approach(
-    pose: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera, settled: float
+    pose: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera | FisheyeCamera, settled: float
 ) -> tuple[Pose, NDArray[np.float64], NDArray[np.float64]]:
     """The pose after a step that is no longer than `settled`, and two arrays from where that began.
 

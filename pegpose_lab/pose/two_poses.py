@@ -14,7 +14,7 @@ from .fit import NEAR, descend, fit_pose, weights_of_directions
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
     from .fit import Discs, Fit
 
 UNLIKELY = 100.0
@@ -24,7 +24,7 @@ CLEAR = 3.0
 """ln of the ratio of likelihoods (of 20 to 1) below which a second pose is flagged."""
 
 
-def mirrored_fit(fit: Fit, discs: Discs, camera: TsaiCamera | OpenCVCamera) -> Fit | None:
+def mirrored_fit(fit: Fit, discs: Discs, camera: TsaiCamera | OpenCVCamera | FisheyeCamera) -> Fit | None:
     """The fit of the other pose, tilted the other way; None if there is none that explains the discs, too.
 
     From far away a plane looks as its mirror image, with its normal n on the other side of the line of sight s:

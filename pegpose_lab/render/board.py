@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.spatial.transform import RigidTransform
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
     from ..targets import Checkerboard
 
 
@@ -32,7 +32,7 @@ class BoardLook:
 
 
 def render_board(
-    camera: TsaiCamera | OpenCVCamera,
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
     cam_from_board: RigidTransform,
     board: Checkerboard,
     *,
@@ -45,7 +45,7 @@ def render_board(
 
     Parameters
     ----------
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     cam_from_board : RigidTransform
     board : Checkerboard
     look : BoardLook

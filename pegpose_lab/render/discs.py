@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
     from scipy.spatial.transform import RigidTransform
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class TrueDisc:
 
 
 def true_disc(
-    camera: TsaiCamera | OpenCVCamera, cam_from_object: RigidTransform, center: ArrayLike, radius: float
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera, cam_from_object: RigidTransform, center: ArrayLike, radius: float
 ) -> TrueDisc:
     """Return the exact image of a disc that lies in a plane z = const of an object's frame.
 
@@ -41,7 +41,7 @@ def true_disc(
 
     Parameters
     ----------
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     cam_from_object : RigidTransform
     center : (3,) array_like
         mm, in the object's frame.
@@ -72,7 +72,7 @@ def true_disc(
 
 
 def disc_outline(
-    camera: TsaiCamera | OpenCVCamera,
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
     cam_from_object: RigidTransform,
     center: ArrayLike,
     radius: float,
@@ -93,7 +93,7 @@ def disc_outline(
 
 
 def disc_outlines(
-    camera: TsaiCamera | OpenCVCamera,
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
     cam_from_object: RigidTransform,
     centers: ArrayLike,
     radii: ArrayLike,

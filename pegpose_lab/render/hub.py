@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from scipy.spatial.transform import RigidTransform
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
     from ..targets import Hub
 
 
@@ -48,7 +48,7 @@ class HubLook:
 
 
 def render_hub(
-    camera: TsaiCamera | OpenCVCamera,
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
     cam_from_hub: RigidTransform,
     hub: Hub,
     *,
@@ -65,7 +65,7 @@ def render_hub(
 
     Parameters
     ----------
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     cam_from_hub : RigidTransform
     hub : Hub
     look : HubLook

@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from ..calibration import Calibration
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
 
 LEAST_IN_RING = 5
 
 
 def held_out_distances(
-    camera: TsaiCamera | OpenCVCamera, object_points: ArrayLike, image_points: ArrayLike
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera, object_points: ArrayLike, image_points: ArrayLike
 ) -> NDArray[np.float64]:
     """Reprojection errors of a view that was not used for the calibration, when only the pose of the view is fitted.
 
     Parameters
     ----------
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     object_points : (n, 3) array_like
         mm, n >= 4.
     image_points : (n, 2) array_like

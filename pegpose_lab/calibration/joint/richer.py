@@ -137,6 +137,7 @@ def _scores(fit, candidates):
     schur, _, by_gradient = equations.eliminated()
     gradient = equations.shared_gradient - (equations.b @ by_gradient).sum(axis=0)[:, 0]
     scale = np.sqrt(np.diagonal(equations.a))
+    scale[scale == 0] = 1.0  # what moves no point, as the S-shaped bend of three rows, has no information
     schur, gradient = schur / np.outer(scale, scale), gradient / scale
     before = gradient[:k] @ np.linalg.solve(schur[:k, :k], gradient[:k])  # OpenCV stops near the minimum, not at it
     found = []

@@ -40,7 +40,7 @@ def find_any_start(
     image_points: Sequence[NDArray[np.float64]],
 ) -> State:
     """The state to start from: that of `starts.find_start`, unless the lens is wide and another fits better."""
-    found, refusal = [], None
+    found = []
     try:
         state = find_start(model, views, object_points, image_points)
         spread = np.sum(views.used[..., None] * (views.image - model.sensor.principal_point) ** 2)
@@ -48,8 +48,9 @@ def find_any_start(
         if cost < WIDE**2 * spread and not isinstance(model, FisheyeModel):
             return state
         found.append((cost, state))
-    except CalibrationError as error:
-        refusal = error
+    except CalibrationError:
+        if not isinstance(model, FisheyeModel):  # its reason is the better one: views that do not determine f
+            raise
     radius = np.linalg.norm((views.image - model.sensor.principal_point) / model.sensor.pixels_per_mm, axis=2)
     for angle in HALF_ANGLES:
         state = _equidistant_start(model, views, object_points, image_points, radius[views.used > 0].max() / angle)
@@ -57,7 +58,7 @@ def find_any_start(
             state = with_coefficients(model, views, state)
             found.append((_cost(model, views, state), state))
     if not found or not np.isfinite(min(cost for cost, _ in found)):
-        raise refusal or CalibrationError("no start sees all points; check their order")
+        raise CalibrationError("no start sees all points; check their order")
     return min(found, key=lambda entry: entry[0])[1]
 
 

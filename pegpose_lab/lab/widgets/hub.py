@@ -18,14 +18,14 @@ from .drawing import _bgr, _canvas, _circle, _place
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
 if TYPE_CHECKING:
-    from ...camera import OpenCVCamera, TsaiCamera
+    from ...camera import FisheyeCamera, OpenCVCamera, TsaiCamera
     from ...targets import Hub
 
 RENDERED_WIDTH = 400  # px, width of the hub's image before it is enlarged
 
 
 def hub_explorer(
-    camera: TsaiCamera | OpenCVCamera,
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera,
     hub: Hub,
     cam_from_plane: RigidTransform,
     *,
@@ -42,7 +42,7 @@ def hub_explorer(
 
     Parameters
     ----------
-    camera : TsaiCamera or OpenCVCamera
+    camera : TsaiCamera, OpenCVCamera or FisheyeCamera
     hub : Hub
     cam_from_plane : RigidTransform
         The plane of the peg tops.
