@@ -56,8 +56,12 @@ class Flag(str):
     noisy-focal-length        much of what the views seem to tell about f may be noise
     misfit-lens               a lens model with more parameters fits the points better
     misfit-view               some views do not fit the others
+    misfit-corner             single corners are far from where all others put them
+    copied-views              some views are copies of one view
+    mirrored-view             planes are seen from behind: the order of their points is mirrored
     points-outside            some points lie outside of the image
     size-swapped              the principal point is that of an image with width and height swapped
+    short-of-optimum          the genetic algorithm stopped above the optimum of its box
     edge-of-box               the genetic algorithm's solution sits on the edge of its box
     drawn-not-found           the objective is the same everywhere: the solution is arbitrary
     bore-not-measured         the bore was found, but its edge could not be measured
