@@ -57,10 +57,14 @@ class Flag(str):
     misfit-lens               a lens model with more parameters fits the points better
     misfit-board              a board that is bent, or of another aspect ratio, fits the points better
     misfit-view               some views do not fit the others
+    misfit-corner             single corners are far from where all others put them
+    copied-views              some views are copies of one view
+    mirrored-view             planes are seen from behind: the order of their points is mirrored
     clustered-sigmas          a view's errors are not independent; the sigmas are those of the scatter between views
     correlated-corners        a view's errors are not independent, and too few views are there to allow for it
     points-outside            some points lie outside of the image
     size-swapped              the principal point is that of an image with width and height swapped
+    short-of-optimum          the genetic algorithm stopped above the optimum of its box
     edge-of-box               the genetic algorithm's solution sits on the edge of its box
     drawn-not-found           the objective is the same everywhere: the solution is arbitrary
     bore-not-measured         the bore was found, but its edge could not be measured

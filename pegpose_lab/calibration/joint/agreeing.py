@@ -33,7 +33,8 @@ HOPELESS = 8
 """The search ends if none of so many subsets gives a camera, as with boards that are not tilted."""
 
 AGREES = 9.0
-"""A view agrees with a camera if its residuals' variance is below this many times that of the better half of the views."""
+"""A view agrees with a camera if its residuals' variance, in units of its own noise (`noise.own_noise`; a smaller picture
+has less), is below this many times that of the better half of the views."""
 
 CLEAN = 2.0
 """The search ends at a subset with whose camera half of the views have a variance below this many times their own noise."""
@@ -50,13 +51,15 @@ def agreeing_views(
 ) -> tuple[list[int], Fit] | None:
     """The views that do not agree with the majority, counted from 0, and the `Fit` of the majority.
 
-    None if no camera has a majority of the views, or all agree.
+    None if no camera has a majority of the views, if all agree, or if a view has too few points to know its noise.
     """
     number = len(object_points)
     if number <= SUBSET or not all(is_planar(points) for points in object_points):
         return None
     views, planes = Views.stack(object_points, image_points), plane_rotations(object_points)
-    noise = float(np.median(own_noise(object_points, image_points)))
+    noise = own_noise(object_points, image_points)
+    if not noise.all():
+        return None
     least, best = np.inf, None
     for count, subset in enumerate(_subsets(number)):
         if count == HOPELESS and not best:
@@ -65,7 +68,7 @@ def agreeing_views(
         middle, agree = _agreeing(fit, views, planes, noise)
         if middle < least:
             least, best = middle, agree
-        if least <= CLEAN * noise**2:
+        if least <= CLEAN:
             break
     for _ in range(ROUNDS):
         if not best:
@@ -96,13 +99,13 @@ def _fit(model, subset, object_points, image_points, loss):
 
 
 def _agreeing(fit, views, planes, noise):
-    """The variance below which more than half of the views are with the camera of a fit, and the views that agree."""
+    """The variance, in units of their own noise, below which more than half of the views are with the camera of a fit,
+    and the views that agree with it."""
     if fit is None:
         return np.inf, ()
-    variances = held_variances(fit, views, planes)
+    variances = held_variances(fit, views, planes) / noise**2
     middle = np.sort(variances)[len(variances) // 2]
-    agree = np.flatnonzero(variances < AGREES * max(middle, noise**2))
-    return middle, tuple(agree.tolist())
+    return middle, tuple(np.flatnonzero(variances < AGREES * max(middle, 1.0)).tolist())
 
 
 def held_variances(fit: Fit, views: Views, planes: NDArray[np.float64]) -> NDArray[np.float64]:

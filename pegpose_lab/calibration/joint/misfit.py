@@ -68,6 +68,10 @@ def _judge_views_and_lens(fit, object_points, image_points, loss, repeated):
         outlying, rest = majority(fit, *views, loss, explained.variance) or (outlying, rest)
     if outlying and not (better and better.variance < rest.variance):
         better = _better_model(rest, without(outlying, *views), loss, [])
+        more = agreeing_views(fit.model, *views, loss) if better else None  # a wrong view may pass for a richer lens
+        if more and set(more[0]) > set(outlying):
+            outlying, rest = more
+            better = _better_model(rest, without(outlying, *views), loss, [])
         flags = (Flag("misfit-view", view_sentence(fit, outlying, rest, *views)),)
         return flags + (_model_flag(rest, better, "Without them: ") if better else ())
     if not better:
