@@ -75,9 +75,12 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .calibration import calibrate_joint as calibrate_joint
     from .calibration import calibrate_tsai as calibrate_tsai
     from .calibration import calibrate_zhang as calibrate_zhang
+    from .calibration import difference as difference
     from .calibration import edge_intervals as edge_intervals
     from .calibration import optimum_in_box as optimum_in_box
     from .calibration import profile_focal_length as profile_focal_length
+    from .calibration import projection_uncertainty as projection_uncertainty
+    from .calibration import split_halves as split_halves
     from .calibration import weakest_direction as weakest_direction
     from .camera import OpenCVCamera as OpenCVCamera
     from .camera import Sensor as Sensor
@@ -138,6 +141,9 @@ _HOME = {
     "calibrate_joint": "calibration",
     "calibrate_dlt": "calibration",
     "profile_focal_length": "calibration",
+    "projection_uncertainty": "calibration",
+    "difference": "calibration",
+    "split_halves": "calibration",
     "weakest_direction": "calibration",
     "board_pose": "calibration",
     "board_poses": "calibration",

@@ -13,7 +13,7 @@ import subprocess
 import sys
 
 from .files import results_folder
-from .lab import command_line, environment
+from .lab import calibrators, command_line, environment
 from .lab.environment import CHECKOUT
 from .lab.notebooks import exploring
 
@@ -144,6 +144,7 @@ def _bench(options):
     if not options.quick:
         _check_writable(options.output)
     environment.add_bench_packages()
+    calibrators.add_calibrators()
     from . import bench
     from .lab import front_page, results
 
@@ -189,7 +190,7 @@ def _measure(options):
 
     folder = options.output / "data" / "measured"
     _check_writable(folder)
-    if not options.names or "peer_settings" in options.names:
+    if not options.names or {"peer_settings", "peer_counts"} & set(options.names):
         environment.add_bench_packages()
     return measuring.measure(options.names, folder)
 

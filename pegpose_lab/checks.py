@@ -65,6 +65,7 @@ class Flag(str):
     place-missing             a place of the ring is empty
     place-contradicted        a place of the ring has a rim that is not that of the ring's discs
     labels-undecided          the ring looks the same after a turn, and nothing says which is right
+    two-poses                 another pose, tilted the other way, explains the pegs nearly as well
     rival-ring                other rings in the picture fit the pattern nearly as well
     further-disc              like discs lie on the ring between its places
     other-proportions         the discs or the bore have another size than the pattern says

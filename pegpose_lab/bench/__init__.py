@@ -5,8 +5,10 @@ A detector to compare with is one function in `detectors` and one entry in `peer
 """
 
 from .bounds import center_bound
+from .calibrators import write_mrcal_uncertainty
 from .disc_constants import write_disc_constants
 from .peers import OURS, REFERENCE
+from .photographs import write_peer_counts
 from .plan import FULL, QUICK, run
 from .report import to_text, write
 from .scenes import SCENES, TARGET_NOISE
@@ -24,5 +26,7 @@ __all__ = [
     "to_text",
     "write",
     "write_disc_constants",
+    "write_mrcal_uncertainty",
+    "write_peer_counts",
     "write_peer_settings",
 ]

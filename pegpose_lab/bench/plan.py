@@ -12,6 +12,7 @@ import pandas as pd
 from . import peers
 from .aims import judge
 from .calibration import measure_genetic, measure_joint, measure_rivals
+from .calibrators import measure_calibrators
 from .chain import measure_chain
 from .resources import describe_methods, measure_sizes
 from .scenes import MAIN, OTHER, TARGET_NOISE
@@ -24,7 +25,8 @@ WORKERS = 2
 @dataclass(frozen=True)
 class Plan:
     """The amount of work: {scene: (frames, noise levels)}, sizes in megapixels, numbers of views, seeds of the genetic
-    algorithm, methods, methods whose memory is measured, repeats of timed calls, and frames of the paper's experiment."""
+    algorithm, methods, methods whose memory is measured, repeats of timed calls, splits of views into halves, and frames of
+    the paper's experiment."""
 
     cells: dict
     sizes: tuple
@@ -33,6 +35,7 @@ class Plan:
     methods: tuple = tuple(peers.COMPARED)
     memory: tuple = tuple(peers.COMPARED)
     repeats: int = 3
+    splits: int = 10
     chain: int = 45
 
 
@@ -42,7 +45,9 @@ FULL = Plan(
     (5, 13, 25, 50, 100, 200),
     10,
 )
-QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, memory=(peers.OURS,), repeats=1, chain=3)
+QUICK = Plan(
+    dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, memory=(peers.OURS,), repeats=1, splits=2, chain=3
+)
 
 
 # ---- the report ----
@@ -51,8 +56,8 @@ QUICK = Plan(dict.fromkeys(MAIN, (1, (TARGET_NOISE,))), (0.5, 2), (5, 13), 1, me
 @dataclass(frozen=True)
 class Report:
     """Tables of a run: `circles` (`summarize`), `methods` (`describe_methods`), `sizes` (`measure_sizes`), `joint`
-    (`measure_joint`), `genetic` (`measure_genetic`), `rivals` (`measure_rivals`), `chain` (`measure_chain`), `targets`
-    (`judge`)."""
+    (`measure_joint`), `genetic` (`measure_genetic`), `rivals` (`measure_rivals`), `calibrators`
+    (`measure_calibrators`), `chain` (`measure_chain`), `targets` (`judge`)."""
 
     circles: pd.DataFrame
     methods: pd.DataFrame
@@ -60,6 +65,7 @@ class Report:
     joint: pd.DataFrame
     genetic: pd.DataFrame
     rivals: pd.DataFrame
+    calibrators: pd.DataFrame
     chain: pd.DataFrame
     targets: pd.DataFrame
 
@@ -78,7 +84,7 @@ def run(plan: Plan = FULL, *, workers: int = WORKERS) -> Report:
     joint = measure_joint(plan.views, repeats=plan.repeats)
     genetic = measure_genetic(seeds=plan.seeds)
     rivals = measure_rivals(repeats=plan.repeats)
+    calibrators = measure_calibrators(splits=plan.splits, repeats=plan.repeats)
     chain = measure_chain(plan.chain, repeats=plan.repeats)
-    return Report(
-        circles, methods, sizes, joint, genetic, rivals, chain, judge(circles, methods, sizes, joint, genetic)
-    )
+    targets = judge(circles, methods, sizes, joint, genetic)
+    return Report(circles, methods, sizes, joint, genetic, rivals, calibrators, chain, targets)

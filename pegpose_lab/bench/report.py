@@ -17,7 +17,7 @@ from .scenes import BLUR, MAIN, SCENES, TARGET_NOISE
 
 
 def write(report: Report, folder: Path, readme: Path | None = None) -> None:
-    """Write bench_circles, _methods, _sizes, _joint, _genetic, _rivals, _chain and _targets (.csv and .tex) into a folder.
+    """Write bench_circles, _methods, _sizes, _joint, _genetic, _rivals, _calibrators, _chain and _targets (.csv and .tex).
 
     Parameters
     ----------
@@ -135,7 +135,30 @@ def _calibration(report):
         _genetic_table(report.genetic),
         "**rivals**: every method of notebook 05 on the corners of the photographs",
         results.markdown([list(report.rivals.columns), *rivals], "lrr"),
+        *_calibrators(report.calibrators),
     ]
+
+
+def _calibrators(table):
+    """A title and a table of the tools on each set of corners, and a line for each that could not run."""
+    columns = {
+        "tool": "tool", "version": "version", "f": "f_x, px", "sigma": "its sigma", "half_px": "halves differ, px",
+        "z": "z of halves", "ms": "ms", "corner_inf": "corner, infinity, px", "corner_1m": "corner, 1 m, px",
+        "off_mrcal": "off mrcal's, %",
+    }  # fmt: skip
+    parts = [
+        "**calibrators**: joint calibration beside other tools, same corners and model (OpenCV's k1, k2, p1, p2, k3); "
+        "corner: the largest stated uncertainty of projection at the image's corners"
+    ]
+    for name, rows in table.groupby("corners", sort=False):
+        there = rows[rows["missing"].isna() | (rows["missing"] == "")]
+        shown = [
+            [row["tool"], str(row["version"]), f"{row['f']:.2f}", *_shown(row[list(columns)[3:]].to_numpy(float))]
+            for _, row in there.iterrows()
+        ]
+        parts += [f"Corners: {name}", results.markdown([list(columns.values()), *shown], "ll" + "r" * 8)]
+    missing = table[table["missing"].notna() & (table["missing"] != "")].drop_duplicates("tool")
+    return parts + [f"{row.tool}: not measured, {row.missing}." for row in missing.itertuples()]
 
 
 def _genetic_table(genetic):

@@ -5,6 +5,9 @@ them return a `result.Calibration`.  A calibration method is one file here and o
 `methods.CALIBRATION_METHODS`, which `study` and the notebooks read (.github/CONTRIBUTING.md shows an example).
 """
 
+from .differencing import CalibrationDifference, difference
+from .halves import Halves, split_halves
+from .image_map import ImageMap, image_grid
 from .joint.calibrate import calibrate_joint
 from .joint.dlt import calibrate_dlt
 from .joint.profile import profile_focal_length, weakest_direction
@@ -19,13 +22,18 @@ from .two_stage.operators import blend_crossover, power_mutation
 from .two_stage.oracle import optimum_in_box
 from .two_stage.ratios import solve_images
 from .two_stage.stages import calibrate_genetic, calibrate_tsai, calibration_at, repeat_calibration
+from .uncertainty import ProjectionUncertainty, projection_uncertainty
 from .zhang import calibrate_zhang
 
 __all__ = [
     "BOX",
     "Calibration",
     "CALIBRATION_METHODS",
+    "CalibrationDifference",
+    "Halves",
+    "ImageMap",
     "PENALTY",
+    "ProjectionUncertainty",
     "TwoStageObjective",
     "blend_crossover",
     "board_pose",
@@ -36,12 +44,16 @@ __all__ = [
     "calibrate_tsai",
     "calibrate_zhang",
     "calibration_at",
+    "difference",
     "edge_intervals",
+    "image_grid",
     "minimize_genetic",
     "optimum_in_box",
     "power_mutation",
     "profile_focal_length",
+    "projection_uncertainty",
     "repeat_calibration",
     "solve_images",
+    "split_halves",
     "weakest_direction",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..checks import as_points
-from .pinhole import UNKNOWN_SIZE, _as_size, _Camera
+from .pinhole import UNKNOWN_SIZE, _as_size, _Camera, _demand_known
 
 COEFFICIENT_NAMES = ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y"]
 """The names of the values in ``dist_coeffs``, in OpenCV's order."""
@@ -75,6 +75,20 @@ class OpenCVCamera(_Camera):
         """f_x, f_y, c_x, c_y, px, and the coefficients k1, k2, p1, p2, ... of ``dist_coeffs``."""
         values = [*np.diag(self.camera_matrix)[:2], *self.principal_point, *self.dist_coeffs]
         return dict(zip(("f_x", "f_y", "c_x", "c_y", *COEFFICIENT_NAMES), map(float, values), strict=False))
+
+    def with_parameters(self, **values: float) -> OpenCVCamera:
+        """As of every camera: the one with other values of some of `parameters`; ValueError for an unknown name.
+
+        Examples
+        --------
+        >>> from pegpose_lab import OpenCVCamera
+        >>> camera = OpenCVCamera([[800, 0, 319.5], [0, 800, 239.5], [0, 0, 1]], [-0.2, 0.1, 0, 0, 0], (640, 480))
+        >>> camera.with_parameters(f_x=801.0, k1=-0.3).parameters["k1"]
+        -0.3
+        """
+        _demand_known(values, self.parameters)
+        f_x, f_y, c_x, c_y, *coefficients = (self.parameters | values).values()
+        return OpenCVCamera([[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]], coefficients, self.image_size)
 
     def to_opencv(self) -> OpenCVCamera:
         """Return the camera itself, so that callers need not ask which model they have."""

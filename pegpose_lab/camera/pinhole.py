@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import as_count, as_number, as_points, as_pose
 
 if TYPE_CHECKING:
+    from typing import Self
+
     from scipy.spatial.transform import RigidTransform
 
     from .opencv import OpenCVCamera
@@ -31,6 +34,26 @@ class _Camera:
     def parameters(self) -> dict[str, float]:
         """What a calibration can estimate (the intrinsics), f first, with the names used in `Calibration.covariance`."""
         raise NotImplementedError
+
+    def with_parameters(self, **values: float) -> Self:
+        """Return the camera with other values of some of its `parameters`.
+
+        Raises
+        ------
+        ValueError
+            If a name is none of `parameters`, or a value is unusable.
+
+        Examples
+        --------
+        >>> from pegpose_lab import TsaiCamera
+        >>> camera = TsaiCamera(8.0, (0.01, 0.01), (319.5, 239.5), (640, 480)).with_parameters(focal_length=9.0, c_x=320.0)
+        >>> camera.focal_length, camera.principal_point
+        (9.0, (320.0, 239.5))
+        """
+        _demand_known(values, self.parameters)
+        c_x, c_y = self.principal_point
+        center = values.pop("c_x", c_x), values.pop("c_y", c_y)
+        return replace(self, principal_point=center, **values)
 
     def from_normalized(self, normalized: ArrayLike) -> NDArray[np.float64]:
         """Undistorted directions (x/z, y/z) to image px."""
@@ -130,6 +153,13 @@ class _Camera:
     def _scaled_size(self, scale):
         """Width and height of the image with `scale` times the pixels along each axis."""
         return tuple(max(1, round(scale * side)) for side in self.image_size)
+
+
+def _demand_known(values, parameters):
+    """ValueError if a name of `values` is none of a camera's parameters."""
+    unknown = [name for name in values if name not in parameters]
+    if unknown:
+        raise ValueError(f"values has {', '.join(unknown)}; the camera's parameters are {', '.join(parameters)}")
 
 
 def _as_pair(pair, name, minimum=-np.inf):

@@ -21,11 +21,16 @@ class Measurement(NamedTuple):
     files: tuple  # the CSV files that it writes
     takes: str  # approximate time on two cores
     photographs: tuple = ()  # data sets of third-party photographs that it needs
+    tools: tuple = ()  # other calibration tools (`calibrators`), one of which it needs
 
 
 MEASUREMENTS = {
     "circle_counts": Measurement(
         "study.write_circle_counts", ("circle_counts", "missed_circles"), "5 s",
+        ("visp-mire2-a", "visp-grid36-a", "skimage-coins", "conrods-a", "screws4-a", "opencv-samples"),
+    ),
+    "peer_counts": Measurement(
+        "bench.write_peer_counts", ("peer_counts",), "1 min",
         ("visp-mire2-a", "visp-grid36-a", "skimage-coins", "conrods-a", "screws4-a", "opencv-samples"),
     ),
     "screw_bits": Measurement("study.write_screw_bits", ("screw_bits",), "1 s", ("screws4-a",)),
@@ -45,6 +50,9 @@ MEASUREMENTS = {
         "study.write_sensitivity", ("opencv_left_detectors",), "5 s", ("opencv_left",)
     ),
     "sector_corners": Measurement("study.write_sector_corners", ("sector_corners",), "15 s"),
+    "mrcal_uncertainty": Measurement(
+        "bench.write_mrcal_uncertainty", ("mrcal_uncertainty",), "20 s", tools=("mrcal", "mrcal, Debian")
+    ),
     "ga_success": Measurement("study.write_success", ("ga_success",), "3 min"),
     "disc_constants": Measurement("bench.write_disc_constants", ("disc_constants",), "4 min"),
     "rendered_trials": Measurement("study.write_rendered_trials", ("rendered_trials",), "10 min"),
@@ -105,8 +113,14 @@ def measure(names: Sequence[str], folder: Path) -> int:
 def _missing(name):
     """One sentence that says why a measurement cannot be made here, or "" if it can."""
     from .. import study
+    from . import calibrators
 
-    absent = []
+    absent, tools = [], MEASUREMENTS[name].tools
+    if tools:
+        calibrators.add_calibrators()
+        reasons = [calibrators.missing(tool) for tool in tools]
+        if all(reasons):
+            return f"{name} cannot be measured: {', and '.join(reasons)}."
     for dataset in MEASUREMENTS[name].photographs:
         try:
             study.dataset(dataset)

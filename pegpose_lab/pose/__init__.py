@@ -1,6 +1,7 @@
 """Pose estimation: the hub from its pegs (Sect. 3.2), and the chain from the camera to the robot (Sect. 2, Eqs. 1 and 2).
 
-`discs` has discs in perspective, `fit` the least squares, `hub` the pose, `chain` the paper's own formulas.  Another
+`discs` has discs in perspective, `observed` what was seen of them, `fit` the least squares, `two_poses` the choice between the
+two poses of a plane, `hub` the pose, `chain` the paper's own formulas.  Another
 method of pose estimation is one file here.
 """
 

@@ -172,9 +172,11 @@ class DiscImages:
         return np.sqrt(2 * np.abs(self.areas))
 
     def by_pose(self) -> NDArray[np.float64]:
-        """Derivatives (n, 2, 6) of the centres by the pose: see `moved` in `fit`."""
+        """Derivatives (n, 3, 6) of centres and radii by the pose: see `moved` in `fit`."""
         (x, y, z), (u, v, w) = self.arms.transpose(2, 0, 1), self.pulls.transpose(2, 0, 1)
-        return self._of_centers(np.stack([u, v, w, y * w - z * v, z * u - x * w, x * v - y * u], axis=2))
+        changes = np.stack([u, v, w, y * w - z * v, z * u - x * w, x * v - y * u], axis=2)
+        of_radii = changes.mean(axis=1) * (np.sign(self.areas) / self.radii)[:, None]
+        return np.concatenate([self._of_centers(changes), of_radii[:, None]], axis=1)
 
     def by_place(self) -> NDArray[np.float64]:
         """Derivatives (n, 3, 3) of centre and area, as stated above, by the disc's own x, y and radius, mm."""

@@ -48,15 +48,38 @@ def moved(pose: Pose, step: NDArray[np.float64]) -> Pose:
 
 @dataclass(frozen=True, eq=False)
 class Discs:
-    """Discs of an object: centres (n, 3) and radii (n,), mm, and measured centres of their images (n, 2), px."""
+    """Discs of an object: centres (n, 3) and radii (n,), mm; measured centres (n, 2) and radii (n,) of their images, px;
+    and the information (n, 3, 3) about these three numbers, px^-2: the inverse of their covariance, 0 for a radius that
+    is not to be used."""
 
     centers: np.ndarray
     radii: np.ndarray
     measured: np.ndarray
+    measured_radii: np.ndarray
+    information: np.ndarray
 
     def images(self, pose: Pose, camera: TsaiCamera | OpenCVCamera) -> DiscImages:
         """What the camera would see; ValueError if a disc has no image."""
         return DiscImages.of(camera, pose, self.centers, self.radii)
+
+    def residuals(self, images: DiscImages) -> NDArray[np.float64]:
+        """Projected minus measured (n, 3): centres and radii, px."""
+        return np.column_stack([images.centers - self.measured, images.radii - self.measured_radii])
+
+    def cost(self, images: DiscImages) -> float:
+        """Chi squared: the residuals' squares in units of their variances."""
+        residuals = self.residuals(images)
+        return float(np.einsum("nk,nkl,nl->", residuals, self.information, residuals))
+
+    def chosen(self, rows: NDArray[np.bool_]) -> Discs:
+        """Some of them."""
+        return Discs(*(values[rows] for values in vars(self).values()))
+
+    def joined(self, others: Discs) -> Discs:
+        """These and others, the centres of all with the same information, 1 px^-2."""
+        pairs = zip(vars(self).values(), vars(others).values(), strict=True)
+        *values, information = (np.concatenate(pair) for pair in pairs)
+        return Discs(*values, np.tile(np.diag([1.0, 1.0, 0.0]), (len(information), 1, 1)))
 
     @property
     def size(self) -> float:
@@ -72,64 +95,96 @@ class Fit:
     ----------
     pose : Pose
     images : DiscImages
-    residuals : (n, 2) ndarray
-        Projected minus measured centres, px.
-    gain : (6, 2 n) ndarray
-        Derivative of the pose's six numbers by the measured centres, mm/px and rad/px; infinite where they do not
-        determine the pose.
+    cost : float
+        Chi squared.
+    gain : (6, n, 3) ndarray
+        Derivative of the pose's six numbers by the measured centres and radii, mm/px and rad/px; infinite where they do
+        not determine the pose.
     """
 
     pose: Pose
     images: DiscImages
-    residuals: np.ndarray
+    cost: float
     gain: np.ndarray
 
     def covariance(self, noise: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(6, 6) of the pose's six numbers, mm and rad, from those (n, 2, 2) of the measured centres, px^2."""
-        if not (np.isfinite(self.gain).all() and np.isfinite(noise).all()):
+        """(6, 6) of the pose's six numbers, mm and rad, from those (n, 3, 3) of the measured centres and radii, px^2."""
+        if not np.isfinite(self.gain).all():
             return np.diag(np.full(6, np.inf))
-        gain = self.gain.reshape(6, -1, 2)
-        return np.einsum("ikp,kpq,jkq->ij", gain, noise, gain)
+        return np.einsum("ikp,kpq,jkq->ij", self.gain, noise, self.gain)
 
 
 def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera) -> Fit:
-    r"""Least squares of the directions to the discs.
+    r"""Weighted least squares of the discs' images over the pose: maximum likelihood if the noise is normal.
 
-    With the shifts s(p) of the images' centres from the images of the discs' centres, the measured centres m, and the
-    directions d(p) to the discs' centres, Jacobian J, the minimum is where
+    With the centres and radii m(p) of the images, those measured, m, and their information W, it minimises
 
-    .. math:: J^T (d(p) - n(m - s(p))) = 0
+    .. math:: \chi^2 = \sum_k (m_k(p) - m_k)^T W_k (m_k(p) - m_k).
 
-    (n undoes the camera).  ValueError if the discs come to lie behind the camera, or have no image.
+    ValueError if the discs come to lie behind the camera, or have no image.
     """
-    pose, normal, by_measured = approach(start, discs, camera, SETTLED)
+    pose, normal, weighted = approach(start, discs, camera, SETTLED)
     images = discs.images(pose, camera)
-    return Fit(pose, images, images.centers - discs.measured, _solved(normal, by_measured))
+    gain = _solved(normal, weighted.reshape(-1, 6).T)
+    return Fit(pose, images, discs.cost(images), gain.reshape(6, -1, 3))
+
+
+def fit_in_plane(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera, frame: NDArray[np.float64]) -> Fit:
+    """The same over x, y and a turn about z of a plane whose axes are the columns of `frame` (3, 3), in the camera's."""
+    motion = np.zeros((6, 3))
+    motion[:3, :2], motion[3:, 2] = frame[:, :2], frame[:, 2]
+    pose = start
+    for _ in range(ROUNDS):
+        images = discs.images(pose, camera)
+        by_motion = images.by_pose() @ motion
+        weighted = discs.information @ by_motion
+        normal = np.einsum("nkp,nkq->pq", by_motion, weighted)
+        gradient = np.einsum("nk,nkp->p", discs.residuals(images), weighted)
+        step = motion @ -_solved(normal, gradient)
+        if not np.isfinite(step).all():
+            break
+        pose = moved(pose, step)
+        if _length(step, discs.size) <= SETTLED:
+            break
+    images = discs.images(pose, camera)
+    gain = motion @ _solved(normal, weighted.reshape(-1, 3).T)
+    return Fit(pose, images, discs.cost(images), gain.reshape(6, -1, 3))
 
 
 def approach(
     pose: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera, settled: float
 ) -> tuple[Pose, NDArray[np.float64], NDArray[np.float64]]:
-    """The pose after a step that is no longer than `settled`, and two matrices from where that began.
+    """The pose after a step that is no longer than `settled`, and two arrays from where that began.
 
-    They are J^T W (6, 6) with W, the derivative of what is in parentheses above, and minus J^T times that by the
-    measured centres (6, 2 n).  Near the minimum the steps are Newton's; farther away Levenberg and Marquardt's, s held.
+    They are the normal matrix (6, 6) and the weighted derivatives (n, 3, 6) of the measured numbers.  Near the minimum
+    the steps are Newton's; farther away Levenberg and Marquardt's on the directions to the discs' centres, while the
+    shifts of the images' centres are held.
     """
     for _ in range(ROUNDS):
         images = discs.images(pose, camera)
-        directions, jacobian = _directions(pose, discs.centers)
-        target = camera.to_normalized(discs.measured - (images.centers - images.points))
-        pulls = np.einsum("nk,nkp->np", directions - target, jacobian)
-        by_measured = (np.linalg.inv(images.slopes).transpose(0, 2, 1) @ jacobian).reshape(-1, 6).T
-        normal = by_measured @ images.by_pose().reshape(-1, 6)
+        by_pose, residuals = images.by_pose(), discs.residuals(images)
+        weighted = discs.information @ by_pose
+        normal = by_pose.reshape(-1, 6).T @ weighted.reshape(-1, 6)
+        gradient = np.einsum("nk,nkp->p", residuals, weighted)
+        pulls = np.einsum("nk,nkl->nl", residuals, discs.information)[:, None, :2] @ images.slopes
+        pulls = (pulls @ _directions(pose, discs.centers)[1])[:, 0]
         arms = discs.centers @ pose.rotation.T
-        curvature = _curvature(arms, arms[:, 2] + pose.translation[2], pulls)
-        newton = _newton(normal + curvature, pulls.sum(axis=0))
+        newton = _newton(normal + _curvature(arms, arms[:, 2] + pose.translation[2], pulls), gradient)
         length = _length(newton, discs.size)
-        pose = moved(pose, newton) if length <= NEAR else descend(pose, discs.centers, target, SLOWER * settled)
+        if length <= NEAR:
+            pose = moved(pose, newton)
+        else:
+            target = camera.to_normalized(discs.measured - (images.centers - images.points))
+            pose = descend(pose, discs.centers, target, SLOWER * settled, weights_of_directions(discs, images))
         if length <= settled:
             break
-    return pose, normal, by_measured
+    return pose, normal, weighted
+
+
+def weights_of_directions(discs: Discs, images: DiscImages) -> NDArray[np.float64]:
+    """Matrices (n, 2, 2) that weigh the directions to the discs: their squares are the information about these, 1."""
+    information = images.slopes.transpose(0, 2, 1) @ discs.information[:, :2, :2] @ images.slopes
+    return np.linalg.cholesky(information).transpose(0, 2, 1)
 
 
 def _newton(second, gradient):
@@ -185,14 +240,25 @@ def _curvature(arms, depths, pulls):
     return mixed + mixed.T
 
 
-def descend(pose: Pose, points: NDArray[np.float64], target: NDArray[np.float64], settled: float) -> Pose:
+def descend(
+    pose: Pose,
+    points: NDArray[np.float64],
+    target: NDArray[np.float64],
+    settled: float,
+    roots: NDArray[np.float64] | None = None,
+) -> Pose:
     """Levenberg-Marquardt on the directions to `points` (n, 3), mm, that should be `target` (n, 2).
 
-    It ends after a step no longer than `settled`.
+    `roots` (n, 2, 2) multiply the residuals; by default all count alike.  It ends after a step no longer than `settled`.
     """
+    roots = np.eye(2) if roots is None else roots
     size, damping = _size(points), 0.0
-    directions, jacobian = _directions(pose, points)
-    residuals, jacobian = (directions - target).ravel(), jacobian.reshape(-1, 6)
+
+    def weighted(pose):
+        directions, jacobian = _directions(pose, points)
+        return (roots @ (directions - target)[..., None]).ravel(), (roots @ jacobian).reshape(-1, 6)
+
+    residuals, jacobian = weighted(pose)
     for _ in range(STEPS):
         scale = np.sqrt(np.einsum("rp,rp->p", jacobian, jacobian))
         scaled = jacobian / scale
@@ -201,10 +267,9 @@ def descend(pose: Pose, points: NDArray[np.float64], target: NDArray[np.float64]
         except np.linalg.LinAlgError:
             step = np.full(6, np.nan)
         trial = moved(pose, step)
-        directions, new_jacobian = _directions(trial, points)
-        new = (directions - target).ravel()
+        new, new_jacobian = weighted(trial)
         if new @ new <= residuals @ residuals:
-            pose, residuals, jacobian, damping = trial, new, new_jacobian.reshape(-1, 6), damping / 10
+            pose, residuals, jacobian, damping = trial, new, new_jacobian, damping / 10
             if _length(step, size) <= settled:
                 break
         else:

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from ..checks import CalibrationError, as_points, as_pose
-from .discs import Pose, _as_radii, back_project_discs, place_discs, pose_of
-from .fit import NEAR, Discs, Fit, approach, descend, fit_pose
+from ..checks import CalibrationError, Flag, as_pose
+from .discs import Pose, back_project_discs, place_discs, pose_of
+from .fit import NEAR, approach, descend, fit_in_plane, fit_pose
+from .observed import observed_discs, other_parts
+from .two_poses import choose, flags_of, mirrored_fit
 
 if TYPE_CHECKING:
     from ..camera import OpenCVCamera, TsaiCamera
+    from ..patterns import RingPattern
     from ..pegs import PegObservation
     from ..targets import Hub
 
@@ -38,6 +41,16 @@ class HubPose:
         Each peg's measured radius, mm.
     residuals : (n, 2) ndarray
         Reprojection errors: projected minus measured centres of the pegs' images, px.
+    used : (n,) bool ndarray
+        The pegs that were measured, in part or whole; for the others `residuals` compare two predictions.
+    chi2 : float
+        Sum of the squared residuals of centres and radii over their variances; in px^2 if the observation has none.
+    alternative : RigidTransform or None
+        The other pose of a plane, tilted the other way, where there is one that explains the pegs, too.
+    log_likelihood_ratio : float
+        ln of the likelihood of this pose over that of the `alternative`: infinite without one.
+    flags : tuple of Flag
+        "two-poses" if the alternative is not clearly less likely.
     covariance : (6, 6) ndarray or None
         Of the pose in the order (x, y, z, rotation vector), mm and rad: of a left perturbation in the frame that has the
         axes of the camera and its origin at the hub's.  The first three are those of ``cam_from_hub.translation``.  It
@@ -67,31 +80,45 @@ class HubPose:
     peg_centers: np.ndarray
     peg_radii: np.ndarray
     residuals: np.ndarray
+    used: np.ndarray
+    chi2: float
     covariance: np.ndarray | None = None
+    alternative: RigidTransform | None = None
+    log_likelihood_ratio: float = np.inf
+    flags: tuple[Flag, ...] = ()
 
     @property
     def rms(self) -> float:
-        """Rms reprojection error: root of the mean squared length of the residuals, px."""
-        return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
+        """Rms reprojection error of the pegs that were used: root of the mean squared length of the residuals, px."""
+        return float(np.sqrt(np.mean(np.sum(self.residuals[self.used] ** 2, axis=1))))
 
 
 def estimate_pose(
     observation: PegObservation,
     camera: TsaiCamera | OpenCVCamera,
-    hub: Hub,
+    hub: Hub | RingPattern,
     *,
     plane: RigidTransform | None = None,
 ) -> HubPose:
-    """Estimate the pose of the hub (its extrinsics) from its pegs in one image.
+    r"""Estimate the pose of the hub, or of a ring, (its extrinsics) from its pegs in one image.
+
+    It minimises, over the pose p,
+
+    .. math:: \chi^2 = \sum_k (m_k(p) - m_k)^T C_k^{-1} (m_k(p) - m_k)
+
+    where :math:`m_k` are centre and radius of the image of peg k, and :math:`C_k` their covariance: a peg of which
+    only a part is seen counts less, one that is not seen does not count.  Three pegs are enough.
 
     Parameters
     ----------
     observation : PegObservation
-        `peg_centers` and `peg_radii` in px, in label order, and for the covariance `peg_covariances` (n, 2, 2), px^2, or
-        `peg_sigmas` (n, 2), px.  Without `plane` also `screw_centers` and
-        `bore_center`, which tell the two mirror solutions of a planar pose apart.
+        `peg_centers` and `peg_radii` in px, in label order; `peg_covariances` (n, 2, 2), px^2, or `peg_sigmas` (n, 2),
+        px, of the centres, infinite for a peg that was not seen (without them all pegs count alike, and there is no
+        covariance); `peg_radius_sigmas` (n,), px, without which the radii are not used.  Of a `Hub` without `plane` also
+        `screw_centers` and `bore_center`: they lie at another height and tell the two poses of a plane apart.
     camera : TsaiCamera or OpenCVCamera
-    hub : Hub
+    hub : Hub or RingPattern
+        A ring's lengths must be in mm.
     plane : RigidTransform, optional
         cam_from_plane of the plane of the peg tops, its z axis away from the camera.  With it the pose has the
         paper's three degrees of freedom x, y and theta; without it all six.
@@ -105,7 +132,7 @@ def estimate_pose(
     ValueError
         If an argument is unusable, the plane is seen from below, or it is missed by a peg's ray.
     CalibrationError
-        If the pegs do not determine a pose.
+        If the pegs do not determine a pose, or fewer than three are seen.
 
     References
     ----------
@@ -127,19 +154,20 @@ def estimate_pose(
     >>> round(pose.theta, 2)  # half a turn from 0.3: in one image, opposite screws leave both
     -2.84
     """
-    centers = as_points(observation.peg_centers, 2, "observation.peg_centers")
-    if len(centers) != hub.n_pegs:
-        raise ValueError(f"observation.peg_centers has {len(centers)} rows; expected one for each peg: {hub.n_pegs}")
-    radii = _as_radii(observation.peg_radii, hub.n_pegs, "observation.peg_radii")
-    noise = _noise(observation, hub.n_pegs)
+    discs, seen, used, known = observed_discs(observation, hub)
     if plane is None:
-        frame, fit = Pose(np.eye(3), np.zeros(3)), _fit_six_degrees(observation, centers, camera, hub)
+        frame = Pose(np.eye(3), np.zeros(3))
+        fit, other, ratio = choose(*_fit_six_degrees(observation, discs, camera, hub))
     else:
-        frame = pose_of(_as_plane(plane))
-        seen = back_project_discs(centers, radii, camera, plane)[0]
-        fit = _fit_in_plane(frame, seen[:, :2], _pegs(centers, hub), camera)
+        frame, other, ratio = pose_of(_as_plane(plane)), None, np.inf
+        in_plane = camera.back_project(discs.measured, plane)
+        flat = _fit_flat(discs.centers[:, :2], in_plane[:, :2])
+        start = Pose(frame.rotation @ flat.rotation, frame.rotation @ flat.translation + frame.translation)
+        fit = fit_in_plane(start, discs, camera, frame.rotation)
     rotation, translation = fit.pose
-    tops, tops_radii = _tops(centers, radii, camera, fit, hub)
+    images = fit.images if used.all() else seen.images(fit.pose, camera)
+    residuals = images.centers - seen.measured
+    tops, tops_radii = _tops(seen, camera, fit.pose, images, residuals)
     x, y, _ = frame.rotation.T @ (translation - frame.translation)
     cos, sin, _ = frame.rotation.T @ rotation[:, 0]
     return HubPose(
@@ -149,42 +177,28 @@ def estimate_pose(
         theta=float(np.arctan2(sin, cos)),
         peg_centers=tops @ rotation.T + translation,
         peg_radii=tops_radii,
-        residuals=fit.residuals,
-        covariance=None if noise is None else fit.covariance(noise),
+        residuals=residuals,
+        used=used,
+        chi2=fit.cost,
+        covariance=fit.covariance(np.linalg.pinv(discs.information)) if known else None,
+        alternative=None if other is None else _transform(other.pose),
+        log_likelihood_ratio=ratio,
+        flags=flags_of(ratio),
     )
 
 
-def _tops(centers, radii, camera, fit, hub):
+def _tops(seen, camera, pose, images, residuals):
     """Where the pegs are in the plane of their tops, and their radii, mm in the hub's frame."""
-    if (np.abs(fit.residuals).max(axis=1) > fit.images.radii).any():  # too far off for Newton's method from there
-        return back_project_discs(centers, radii, camera, _transform(fit.pose))
-    return place_discs(
-        centers, radii, camera, fit.pose, hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius), fit.images
-    )
+    measured = seen.measured, seen.measured_radii
+    if (np.abs(residuals).max(axis=1) > images.radii).any():  # too far off for Newton's method from there
+        return back_project_discs(*measured, camera, _transform(pose))
+    return place_discs(*measured, camera, pose, seen.centers, seen.radii, images)
 
 
 def _transform(pose):
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = pose
     return RigidTransform(matrix, normalize=False)
-
-
-def _fit_in_plane(frame, seen, pegs, camera):
-    """x, y and theta by least squares in the plane; `seen` (n, 2) is where the pegs are in it, mm."""
-    flat = _fit_flat(pegs.centers[:, :2], seen)
-    pose = Pose(frame.rotation @ flat.rotation, frame.rotation @ flat.translation + frame.translation)
-    images = pegs.images(pose, camera)
-    by_pose = images.by_pose()
-    in_frame = np.zeros((6, 3))  # x, y and theta as a motion in axes of the camera
-    in_frame[:3, :2], in_frame[3:, 2] = frame.rotation[:, :2], frame.rotation[:, 2]
-    by_pixel = np.linalg.inv(by_pose[:, :, :3] @ frame.rotation[:, :2])  # where the plane's points were seen
-    arms = pegs.centers @ flat.rotation.T
-    jacobian = np.zeros((len(arms), 2, 3))
-    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1
-    jacobian[:, 0, 2], jacobian[:, 1, 2] = -arms[:, 1], arms[:, 0]
-    gain = np.linalg.pinv(jacobian.reshape(-1, 3)).reshape(3, -1, 2)
-    gain = np.einsum("ikp,kpq->ikq", gain, by_pixel).reshape(3, -1)
-    return Fit(pose, images, images.centers - pegs.measured, in_frame @ gain)
 
 
 def _fit_flat(points, measured):
@@ -200,41 +214,35 @@ def _fit_flat(points, measured):
     return Pose(rotation, np.array([*(to_middle - rotation[:2, :2] @ from_middle), 0.0]))
 
 
-def _fit_six_degrees(observation, centers, camera, hub):
-    """Least squares over the pegs' images, started from where pegs, bore and screws agree.
+def _fit_six_degrees(observation, discs, camera, hub):
+    """The fits of a plane's two poses (the second is None if it is the first again), and the costs of the other parts.
 
     From far away a plane and its mirror image, tilted the other way, look the same (weak perspective); three
     pegs alone even allow up to four poses.  Bore and screws lie at another height and tell these poses apart.
     """
-    pegs, parts = _pegs(centers, hub), _all_parts(observation, centers, hub)
-    parallel = _parallel_pose(camera.to_normalized(centers), hub)
-    near = descend(parallel, parts.centers, camera.to_normalized(parts.measured), NEAR)
+    others = other_parts(observation, hub)
+    parts = discs if others is None else discs.joined(others)
+    near = descend(
+        _parallel_pose(camera.to_normalized(discs.measured), discs.centers),
+        parts.centers,
+        camera.to_normalized(parts.measured),
+        NEAR,
+    )
     try:
-        return fit_pose(approach(near, parts, camera, NEAR)[0], pegs, camera)
+        first = fit_pose(approach(near, parts, camera, NEAR)[0], discs, camera)
     except ValueError as error:
         raise CalibrationError(
             "no pose puts the hub in front of the camera; check that its pegs are labelled clockwise on the screen"
         ) from error
+    second = mirrored_fit(first, discs, camera)
+    if others is None or second is None:
+        return [first, second], [0.0, 0.0]
+    return [first, second], [others.cost(others.images(fit.pose, camera)) for fit in (first, second)]
 
 
-def _pegs(centers, hub):
-    return Discs(hub.peg_centers, np.full(hub.n_pegs, hub.peg_radius), centers)
-
-
-def _all_parts(observation, centers, hub):
-    """Pegs, screws and bore."""
-    screws = as_points(observation.screw_centers, 2, "observation.screw_centers")
-    if len(screws) != len(hub.screw_centers):
-        raise ValueError(f"observation.screw_centers has {len(screws)} rows; expected {len(hub.screw_centers)}")
-    bore = as_points([observation.bore_center], 2, "observation.bore_center")
-    radii = [hub.peg_radius] * hub.n_pegs + [hub.screw_radius] * len(screws) + [hub.bore_radius]
-    discs = np.vstack([hub.peg_centers, hub.screw_centers, hub.bore_center])
-    return Discs(discs, np.array(radii), np.vstack([centers, screws, bore]))
-
-
-def _parallel_pose(normalized, hub):
-    """The pose parallel to the image that fits the pegs' directions (n, 2) best."""
-    pegs = hub.peg_centers[:, :2]
+def _parallel_pose(normalized, pegs):
+    """The pose parallel to the image that fits the directions (n, 2) to the pegs (n, 3) best."""
+    pegs = pegs[:, :2]
     size = np.linalg.norm(normalized - normalized.mean(axis=0))
     if size == 0:
         raise CalibrationError("all pegs were measured in one place; check the observation")
@@ -243,22 +251,8 @@ def _parallel_pose(normalized, hub):
     return Pose(flat.rotation, np.array([*flat.translation[:2], depth]))
 
 
-# ---- input ----
-
-
 def _as_plane(plane):
     """Return `plane` if its z axis points away from the camera."""
     if as_pose(plane, "plane").inv().translation[2] >= 0:
         raise ValueError("plane is seen from below: its z axis has to point away from the camera")
     return plane
-
-
-def _noise(observation, count):
-    """Covariances (n, 2, 2) of the pegs' centres, px^2, or None where the observation tells none; infinite is allowed."""
-    for name, shape in (("peg_covariances", (count, 2, 2)), ("peg_sigmas", (count, 2))):
-        if getattr(observation, name, None) is not None:
-            stated = np.asarray(getattr(observation, name), np.float64)
-            if stated.shape != shape or np.isnan(stated).any():
-                raise ValueError(f"observation.{name} has shape {stated.shape}; expected {shape}, without NaN")
-            return stated if stated.ndim == 3 else np.where(np.eye(2, dtype=bool), stated[..., None] ** 2, 0.0)
-    return None

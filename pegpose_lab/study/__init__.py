@@ -5,7 +5,7 @@ one line in the table `calibration.CALIBRATION_METHODS`; a rival of the genetic 
 """
 
 from .baselines import DIFFERENTIAL_EVOLUTION, GENETIC, compare, search
-from .circle_counts import write_circle_counts, write_screw_bits
+from .circle_counts import match_circles, pictures_of_discs, write_circle_counts, write_screw_bits
 from .datasets import dataset
 from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
@@ -38,7 +38,9 @@ __all__ = [
     "load_rendered_trials",
     "load_sector_corners",
     "made_by",
+    "match_circles",
     "monte_carlo",
+    "pictures_of_discs",
     "printed_ratio",
     "radial_profile",
     "rayleigh_counts",

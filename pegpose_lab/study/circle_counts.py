@@ -16,10 +16,13 @@ from .measured import load_measured, made_by, write_measured
 from .photographs import _grey
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
     from pandas import DataFrame
+
+    from ..circles import Circles
 
 SCREWS = ("screws4-a", "*.jpg", (38, 62), "dark")
 SEARCHES = (  # data set, its images, radius range (px), polarity; all else is the default
@@ -66,25 +69,20 @@ def count_circles() -> tuple[DataFrame, DataFrame]:
     ValueError, FileNotFoundError
         If the photographs are not found.
     """
-    places, counts, missed = load_known().query("present == 1"), [], []
-    for name, pattern, radii, polarity in SEARCHES:
-        for path in sorted(dataset(name).glob(pattern)):
-            image = _grey(path)
-            circles = find_circles(image, radii, polarity=polarity)
-            known = places[(places["dataset"] == name) & (places["picture"] == path.name)]
-            known = known[["x", "y", "r"]].to_numpy(float)
-            match = _match(circles, known)
-            there, found = match >= 0, match[match >= 0]
-            states = fit_discs(image, circles).states
-            measured, partial = (int((states[found] == state).sum()) for state in ("measured", "partial"))
-            wrong = int((np.delete(states, found) == "measured").sum())
-            shares = [rim_share(image, *place, polarity) for place in known]
-            rim = np.mean(shares, where=there) if there.any() else np.nan
-            number = len(known), len(found), len(circles) - len(found), measured, partial, wrong, np.round(rim, 3)
-            counts.append((name, path.name, *radii, polarity, *number))
-            for i in np.flatnonzero(~there):
-                why = _why(image, known[i], radii, polarity, circles)
-                missed.append((name, path.name, *known[i], shares[i], why))
+    counts, missed = [], []
+    for name, picture, image, radii, polarity, known in pictures_of_discs():
+        circles = find_circles(image, radii, polarity=polarity)
+        match = match_circles(circles, known)
+        there, found = match >= 0, match[match >= 0]
+        states = fit_discs(image, circles).states
+        measured, partial = (int((states[found] == state).sum()) for state in ("measured", "partial"))
+        wrong = int((np.delete(states, found) == "measured").sum())
+        shares = [rim_share(image, *place, polarity) for place in known]
+        rim = np.mean(shares, where=there) if there.any() else np.nan
+        number = len(known), len(found), len(circles) - len(found), measured, partial, wrong, np.round(rim, 3)
+        counts.append((name, picture, *radii, polarity, *number))
+        for i in np.flatnonzero(~there):
+            missed.append((name, picture, *known[i], shares[i], _why(image, known[i], radii, polarity, circles)))
     columns = [
         "dataset",
         "picture",
@@ -103,8 +101,50 @@ def count_circles() -> tuple[DataFrame, DataFrame]:
     return pd.DataFrame(counts, columns=columns), missed
 
 
-def _match(circles, places, near=NEAR):
-    """For each place (x, y, r) the index of the circle nearest to it, if near enough and free, or -1."""
+def pictures_of_discs() -> Iterator[tuple[str, str, NDArray[np.uint8], tuple[int, int], str, NDArray[np.float64]]]:
+    """Photographs with known discs: dataset, picture, the grey image, radius range (px), polarity, and x, y, r (n, 3)
+    of the discs that are there.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError
+        If the photographs are not found.
+
+    Examples
+    --------
+    >>> for dataset, picture, image, radii, polarity, known in pictures_of_discs():  # doctest: +SKIP
+    ...     print(picture, len(find_circles(image, radii, polarity=polarity)), len(known))
+    """
+    places = load_known().query("present == 1")
+    for name, pattern, radii, polarity in SEARCHES:
+        for path in sorted(dataset(name).glob(pattern)):
+            known = places[(places["dataset"] == name) & (places["picture"] == path.name)]
+            yield name, path.name, _grey(path), radii, polarity, known[["x", "y", "r"]].to_numpy(float)
+
+
+def match_circles(circles: Circles, places: ArrayLike, near: float = NEAR) -> NDArray[np.int_]:
+    """For each place (x, y, r) the index of the circle nearest to it, if near enough and free, or -1.
+
+    Parameters
+    ----------
+    circles : Circles
+        Anything with `centers` (n, 2) and `radii` (n,), px.
+    places : (m, 3) array_like
+        px.
+    near : float
+        The largest error of the centre and of the radius, as a fraction of the radius.
+
+    Returns
+    -------
+    (m,) ndarray of int
+
+    Examples
+    --------
+    >>> from pegpose_lab.circles import Circles
+    >>> found = Circles(np.array([[40.0, 30.0]]), np.array([10.0]), np.array([1.0]))
+    >>> match_circles(found, [(40.5, 30, 10), (60, 30, 10)]).tolist()
+    [0, -1]
+    """
     match = np.full(len(places), -1)
     for i, (x, y, r) in enumerate(places):
         apart = np.maximum(np.hypot(*(circles.centers - (x, y)).T), np.abs(circles.radii - r))
@@ -116,7 +156,7 @@ def _match(circles, places, near=NEAR):
 
 def _why(image, place, radii, polarity, circles):
     """Why a disc (x, y, r) is not among `circles` (see `count_circles`)."""
-    if _match(circles, [place], OFF)[0] >= 0:
+    if match_circles(circles, [place], OFF)[0] >= 0:
         return "off"
     x, y, r = place
     left, top = max(int(x - ALONE * r), 0), max(int(y - ALONE * r), 0)
@@ -127,7 +167,7 @@ def _why(image, place, radii, polarity, circles):
         ("score", (image, place), highest),
         ("shared", alone, highest),
     ):
-        if _match(find_circles(part, radii, polarity=polarity, **settings), [there])[0] >= 0:
+        if match_circles(find_circles(part, radii, polarity=polarity, **settings), [there])[0] >= 0:
             return why
     return "no candidate"
 
@@ -169,7 +209,7 @@ def measure_bits() -> DataFrame:
     for path in sorted(dataset(name).glob(pattern)):
         circles = find_circles(_grey(path), radii, polarity=polarity)
         places = known[(known["dataset"] == name) & (known["picture"] == path.name)]
-        fits = _match(circles, places[["x", "y", "r"]].to_numpy(float)) >= 0
+        fits = match_circles(circles, places[["x", "y", "r"]].to_numpy(float)) >= 0
         for position, place in enumerate(places.itertuples(), 1):
             apart = np.hypot(*(circles.centers - (place.x, place.y)).T).min(initial=np.inf)
             found, fitted = int(apart <= OFF * place.r), int(fits[position - 1])

@@ -19,6 +19,7 @@ ORDER = (
     ("segmentation", "corners", "circles", "discs"),
     ("pegs", "calibration", "pose"),
     (
+        "lab.calibrators",
         "lab.environment",
         "lab.installers",
         "lab.progress",
@@ -26,6 +27,7 @@ ORDER = (
         "lab.figure_digest",
         "lab.style",
         "lab.plotting",
+        "lab.maps",
     ),
     ("paper", "paper.claims", "paper.diagrams"),
     ("study",),
@@ -42,8 +44,8 @@ METHOD = [room for rooms in ORDER[:5] for room in rooms]
 # Folders without a face: what is in them is imported by its own name, since some of it starts on a bare Python.
 CORRIDORS = ("lab", "lab.notebooks")
 BARE = (
-    "files", "lab", "lab.environment", "lab.installers", "lab.progress", "lab.notebooks", "lab.notebooks.exploring",
-    "lab.measuring", "lab.command_line", "__main__",
+    "files", "lab", "lab.calibrators", "lab.environment", "lab.installers", "lab.progress", "lab.notebooks",
+    "lab.notebooks.exploring", "lab.measuring", "lab.command_line", "__main__",
 )  # fmt: skip
 LIBRARIES = {"numpy", "scipy", "cv2"}
 

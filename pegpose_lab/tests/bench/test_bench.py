@@ -15,7 +15,7 @@ from pegpose_lab.bench import report as report_file
 from pegpose_lab.bench.chain import COLUMNS
 from pegpose_lab.bench.plan import Report
 from pegpose_lab.bench.report import load, readme_is_current
-from pegpose_lab.lab import environment, installers
+from pegpose_lab.lab import calibrators, environment, installers
 
 
 def _report(**changes):
@@ -39,8 +39,14 @@ def _report(**changes):
     genetic = genetic.assign(reached=100.0, de_reached=[100.0, 100.0, 90.0])
     tables = circles, methods, sizes, joint, genetic
     rivals = pd.DataFrame({"method": ["linear only", "GA"], "evaluations": [np.nan, 6060.0], "ms": [1.0, 50.0]})
+    tools = [
+        ("calibrate_joint", "1.0", 1290.0, 0.3, 0.4, 0.9, 20.0, 3.3, 3.2, 0.1, ""),
+        ("mrcal", "", *[np.nan] * 8, "no"),
+    ]
+    names = ["tool", "version", "f", "sigma", "half_px", "z", "ms", "corner_inf", "corner_1m", "off_mrcal", "missing"]
+    calibrators = pd.DataFrame(tools, columns=names).assign(corners="simulated")
     chain = pd.DataFrame([("linear", 9, 5.0, 200.0, 0.01, 0.02, np.nan)], columns=COLUMNS)
-    return Report(*tables, rivals, chain, aims.judge(*tables))
+    return Report(*tables, rivals, calibrators, chain, aims.judge(*tables))
 
 
 EVERY_SCENE = [scene.name for scene in scenes.SCENES]
@@ -110,9 +116,10 @@ def test_report_is_written_whole_and_read_back(tmp_path):
     text = readme.read_text()
     assert text.startswith("above\n<!-- bench:begin -->\n") and text.endswith("<!-- bench:end -->\nbelow\n")
     assert "| 2 photographs | 50 | 25 | 2 | 100 | 90 |" in text and "| linear only |  | 1 |" in text
+    assert "| calibrate_joint | 1.0 | 1290.00 | 0.3 |" in text and "mrcal: not measured, no." in text
     assert "before the run" not in text and "EdgeDrawing: not measured, not installed." in text and "1.05" in text
     assert readme_is_current(readme, tmp_path / "results")
-    tables = ("circles", "methods", "sizes", "joint", "genetic", "rivals", "chain", "targets")
+    tables = ("circles", "methods", "sizes", "joint", "genetic", "rivals", "calibrators", "chain", "targets")
     names = {f"bench_{name}.{kind}" for name in tables for kind in ("csv", "tex")}
     assert {path.name for path in (tmp_path / "results").iterdir()} == names
     pd.testing.assert_frame_equal(load(tmp_path / "results").circles, report.circles)
@@ -139,6 +146,7 @@ def command(monkeypatch, tmp_path):
     """Run `bench` with a made-up report; returns the plans that were asked for."""
     plans = []
     monkeypatch.setattr(environment, "add_bench_packages", lambda: None)
+    monkeypatch.setattr(calibrators, "add_calibrators", lambda: None)
     monkeypatch.setattr(bench, "run", lambda plan: plans.append(plan) or _report())
     monkeypatch.setattr(commands, "CHECKOUT", tmp_path)
 

@@ -86,19 +86,15 @@ def slow_images(camera, cam_from_hub, centers, radii, number=32):
     return middle + np.stack([np.mean(x**2 * dy, axis=1), -np.mean(y**2 * dx, axis=1)], axis=1) / 2 / area[:, None]
 
 
-def slow_polish(pose, camera, centers, radii, measured, rounds=5):
-    """Least squares of directions with numerical derivatives; the shifts of the images' centres are held in a round."""
-    for _ in range(rounds):
-        shift = slow_images(camera, pose, centers, radii) - camera.project(centers, pose)
-        target = camera.to_normalized(measured - shift)
+def slow_polish(pose, camera, centers, radii, measured):
+    """Least squares of the images' centres, px, with numerical derivatives."""
+    scale = np.array([50, 50, 50, 1, 1, 1])  # steps of like effect
 
-        def residuals(step, pose=pose, target=target):
-            seen = moved(pose, step * [50, 50, 50, 1, 1, 1]).apply(centers)  # steps of like effect
-            return (seen[:, :2] / seen[:, 2:] - target).ravel()
+    def residuals(step):
+        return (slow_images(camera, moved(pose, step * scale), centers, radii) - measured).ravel()
 
-        found = least_squares(residuals, np.zeros(6), "3-point", method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-        pose = moved(pose, found.x * [50, 50, 50, 1, 1, 1])
-    return pose
+    found = least_squares(residuals, np.zeros(6), "3-point", method="lm", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    return moved(pose, found.x * scale)
 
 
 @settings(max_examples=30)
@@ -108,7 +104,7 @@ def test_same_minimum_as_slow_least_squares(camera, truth, n_pegs, noise, rng):
     observation = observe(truth, camera, hub, noise, rng)
     pose = estimate_pose(observation, camera, hub)
     radii = np.full(n_pegs, hub.peg_radius)
-    slow = slow_polish(pose.cam_from_hub, camera, hub.peg_centers, radii, observation.peg_centers, rounds=3)
+    slow = slow_polish(pose.cam_from_hub, camera, hub.peg_centers, radii, observation.peg_centers)
     step = difference(pose.cam_from_hub, slow)
     assert np.abs(step[:3]).max() < 1e-6 and np.abs(step[3:]).max() < 1e-8
     left = slow_images(camera, pose.cam_from_hub, hub.peg_centers, radii) - observation.peg_centers
@@ -182,7 +178,9 @@ def test_derivatives_of_images_of_discs(camera, truth):
     radii = np.array([10.1, 5.0, 18.0, 1.0])
     images = DiscImages.of(camera, pose_of(truth), HUB.peg_centers, radii)
     steps = np.repeat([1e-1, 1e-3], 3)
-    by_pose = numerical(lambda step: project_discs(camera, moved(truth, step), HUB.peg_centers, radii)[0], 6, steps)
+    by_pose = numerical(
+        lambda step: np.column_stack(project_discs(camera, moved(truth, step), HUB.peg_centers, radii)), 6, steps
+    )
     np.testing.assert_allclose(images.by_pose(), by_pose, rtol=1e-7, atol=1e-7 * np.abs(by_pose).max())
 
     def placed(step):
@@ -268,13 +266,3 @@ def test_covariance_takes_covariances_of_the_pegs():
     assert estimate_pose(observation, CAMERAS[0], HUB).covariance is None
     observation.peg_covariances = np.tile(SIGMA**2 * np.eye(2), (4, 1, 1))
     np.testing.assert_allclose(estimate_pose(observation, CAMERAS[0], HUB).covariance, by_sigmas, rtol=1e-12)
-    observation.peg_covariances[2] = np.inf
-    assert np.isinf(np.diag(estimate_pose(observation, CAMERAS[0], HUB).covariance)).all()
-    observation.peg_covariances = np.ones((3, 2, 2))
-    with pytest.raises(ValueError, match=r"peg_covariances has shape \(3, 2, 2\); expected \(4, 2, 2\)"):
-        estimate_pose(observation, CAMERAS[0], HUB)
-    observation.peg_covariances, observation.peg_sigmas = None, np.full((4, 2), np.nan)
-    with pytest.raises(ValueError, match="peg_sigmas has shape .* without NaN"):
-        estimate_pose(observation, CAMERAS[0], HUB)
-    observation.peg_sigmas[:] = np.inf
-    assert np.isinf(np.diag(estimate_pose(observation, CAMERAS[0], HUB, plane=TRUTH).covariance)).all()

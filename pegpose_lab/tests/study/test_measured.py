@@ -111,8 +111,8 @@ def test_why_a_disc_is_missed(monkeypatch, default, highest, alone, alone_highes
 def test_match_takes_ten_per_cent_and_each_circle_once():
     circles = Circles(np.array([[50.0, 50.0], [101.9, 100.0]]), np.array([20.0, 20.0]), np.ones(2))
     places = [(50, 52, 20), (50, 49, 20), (100, 100, 20), (100, 100, 17.9), (104, 100, 20)]
-    assert circle_counts._match(circles, places).tolist() == [0, -1, 1, -1, -1]
-    assert circle_counts._match(circles, places[3:], near=0.2).tolist() == [1, -1]
+    assert circle_counts.match_circles(circles, places).tolist() == [0, -1, 1, -1, -1]
+    assert circle_counts.match_circles(circles, places[3:], near=0.2).tolist() == [1, -1]
 
 
 def test_own_parts_have_the_place_and_the_area_of_a_disc():
