@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 FAINT = 0.25  # of the median contrast of the grid's corners
 LARGEST_RESIDUAL = 2.5  # times the median of the others: beyond, the edge of what covers the board is in the window
 SMALLEST_MISFIT = 0.03  # of the contrast; without noise, corners may differ more from one to the next
+LARGEST_TURN = 0.2  # rad, of the edges against the lines of the grid; along a knight's move they differ by 0.46
 SQUARE_CONTRAST = (
     0.4,
     1.8,
@@ -140,6 +141,7 @@ def _clear(image, known, ahead):
     good = (contrast * np.sign(usual) > FAINT * abs(usual)) & (fits.sigma < LARGEST_SIGMA)
     good &= np.linalg.norm(found - guess, axis=1) < LARGEST_MOVE * pitch
     good &= (fits.misfit < LARGEST_MISFIT) & ((residual < LARGEST_RESIDUAL * noise) | (fits.misfit < SMALLEST_MISFIT))
+    good &= (np.abs(fits.parameters[:, 2:4] - start) < LARGEST_TURN).all(axis=1)
     good &= _four_squares(fits.parameters, values, weights, lattice)
     nodes[nodes] = good
     clear[nodes] = np.column_stack([found, contrast, residual])[good]

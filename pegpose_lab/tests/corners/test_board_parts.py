@@ -7,6 +7,7 @@ import pytest
 from pegpose_lab.calibration import calibrate_joint
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.corners import find_corners, locate_board
+from pegpose_lab.corners.grow import grow_grid
 from pegpose_lab.corners.seeds import blocks_of_nine
 from pegpose_lab.render.board import BoardLook
 from pegpose_lab.targets import Checkerboard
@@ -132,15 +133,25 @@ def test_stated_sigmas_are_those_of_the_errors(blur, noise):
 # ---- starts ----
 
 
-def test_blocks_of_nine_are_neighbours():
+def test_starts_are_neighbours():
     board = Checkerboard(7, 5, 24.0)
     image, truth = seen(board, pose_of(board, turn=35.0), noise=3.0)
-    blocks = list(blocks_of_nine(image))
-    assert len(blocks) >= 15
-    for block in blocks:
+    regular = 0
+    for block in blocks_of_nine(image):
         number = [np.argmin(distances(truth, place)) for place in block.reshape(-1, 2)]
         row, column = np.divmod(np.reshape(number, (3, 3)), 7)
-        assert {np.ptp(row), np.ptp(column)} == {2}
+        regular += np.ptp(row) == 2 and np.ptp(column) == 2
+    assert regular >= 15
+
+
+def test_a_slanted_lattice_does_not_grow():
+    board = Checkerboard(9, 6, 20.0)
+    image, truth = seen(board, pose_of(board))
+    grid = truth.reshape(6, 9, 2)
+    straight = grow_grid(image, grid[1:4, 2:5], 9)[1]
+    assert straight.all() and straight.shape == (6, 9)
+    slanted = np.array([[grid[1 + row, 1 + column + 2 * row] for column in range(3)] for row in range(3)])
+    assert not grow_grid(image, slanted, 9)[1].any()
 
 
 def test_noise_has_no_parts():
