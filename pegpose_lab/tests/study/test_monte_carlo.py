@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from pegpose_lab.calibration import CALIBRATION_METHODS
-from pegpose_lab.calibration.joint import misfit
+from pegpose_lab.calibration.joint import richer
 from pegpose_lab.paper import experiment, paper_camera
 from pegpose_lab.study import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, trials
 from pegpose_lab.targets import Checkerboard
@@ -154,7 +154,7 @@ def test_rendered_trials_leave_the_noise_of_their_corners():
         table["flags"] != "", "flags"
     ]  # the model is the right one: only the misfit test's false alarms
     assert flagged.str.startswith("The points do not fit this model").all()
-    assert len(flagged) <= stats.binom.ppf(0.999, len(table), misfit.LEVEL)
+    assert len(flagged) <= stats.binom.ppf(0.999, len(table), richer.LEVEL)
     floor = table["rms"] / table["expected_rms"]
     assert floor.mean() == pytest.approx(1, abs=0.03) and floor.std() < 0.03
     assert table["corner_sigma"].between(0.001, 0.01).all()
