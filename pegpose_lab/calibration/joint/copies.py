@@ -21,6 +21,9 @@ SAME_PLACE = 0.005
 """Two views are copies if their points differ by at most this fraction of the points' spread: a board that is moved for
 another view moves by far more, and points of the same picture, found twice, differ by less."""
 
+FARTHEST = 0.02
+"""With noise, the fraction may be up to this; a wrong corner or lens must not make different views look like copies."""
+
 
 def copied_views(
     object_points: Sequence[NDArray[np.float64]], image_points: Sequence[NDArray[np.float64]], noise: float = 0.0
@@ -29,7 +32,7 @@ def copied_views(
     groups, free = [], dict.fromkeys(range(len(image_points)))
     centers = np.array([points.mean(axis=0) for points in image_points])
     spreads = np.array([points.std(axis=0).mean() for points in image_points])
-    limits = np.maximum(SAME_PLACE * spreads, 2 * noise)
+    limits = np.clip(2 * noise, SAME_PLACE * spreads, FARTHEST * spreads)
     while free:
         first = next(iter(free))
         near = np.flatnonzero(np.linalg.norm(centers - centers[first], axis=1) <= 2 * limits[first])

