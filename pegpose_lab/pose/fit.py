@@ -129,7 +129,9 @@ def fit_pose(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera | Fish
     return Fit(pose, images, discs.cost(images), gain.reshape(6, -1, 3))
 
 
-def fit_in_plane(start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera | FisheyeCamera, frame: NDArray[np.float64]) -> Fit:
+def fit_in_plane(
+    start: Pose, discs: Discs, camera: TsaiCamera | OpenCVCamera | FisheyeCamera, frame: NDArray[np.float64]
+) -> Fit:
     """The same over x, y and a turn about z of a plane whose axes are the columns of `frame` (3, 3), in the camera's."""
     motion = np.zeros((6, 3))
     motion[:3, :2], motion[3:, 2] = frame[:, :2], frame[:, 2]
