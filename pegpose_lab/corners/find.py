@@ -124,7 +124,7 @@ def locate_board(image: ArrayLike, board: Checkerboard) -> BoardCorners:
     >>> import pegpose_lab as pl
     >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
     >>> board = pl.Checkerboard(columns=7, rows=5, square=20.0)
-    >>> image = pl.render_board(camera, RigidTransform.from_translation([-60.0, -20.0, 400.0]), board, rng=0)
+    >>> image = pl.render_board(camera, RigidTransform.from_translation([-60.0, -40.0, 400.0]), board, rng=0)
     >>> whole, part = pl.locate_board(image, board), pl.locate_board(image[:220], board)
     >>> whole.whole, len(whole.index), len(part.index), bool(whole.sigmas.max() < 0.05)
     (True, 35, 28, True)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import DetectionError
-from .fit import fit_corners
+from .fit import CornerFits, fit_corners
 
 if TYPE_CHECKING:
-    pass
+    from numpy.typing import NDArray
 
 WINDOW = (
     15.0  # px, largest radius of a window: a larger one has less noise, but more bias from edges that the lens bends
@@ -25,7 +25,7 @@ LARGEST_MISFIT = 0.4  # of the contrast, or 3 times the board's median (noise): 
 SMALLEST_CONTRAST = 0.15  # of the board's median
 
 
-def refine(image, grid):
+def refine(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> tuple[NDArray[np.float64], CornerFits]:
     """Fit every corner of an oriented grid (rows, columns, 2); return (n, 2) px and the fits."""
     pitch = edge_normals(grid)[1].min()
     if pitch < SMALLEST_PITCH:
@@ -38,7 +38,9 @@ def refine(image, grid):
     return corners, fits
 
 
-def fit_grid(image, grid, passes=PASSES, seen=None):
+def fit_grid(
+    image: NDArray[np.uint8], grid: NDArray[np.float64], passes: int = PASSES, seen: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.float64], CornerFits]:
     """Corners (n, 2), px, of a grid (rows, columns, 2), and their fits; with `seen` (rows, columns) bool of those only.
 
     Window and start come from the grid at first, then from the corners, so the result depends on the image
@@ -57,7 +59,7 @@ def fit_grid(image, grid, passes=PASSES, seen=None):
     return corners[which], fits
 
 
-def edge_normals(grid):
+def edge_normals(grid: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Directions (n, 2) rad of the normals of the edges along columns and along rows, and the pitch (n,) px.
 
     The first normal points along a row, the second along a column.
@@ -65,7 +67,9 @@ def edge_normals(grid):
     return normals_of(np.gradient(grid, axis=1).reshape(-1, 2), np.gradient(grid, axis=0).reshape(-1, 2))
 
 
-def normals_of(along_row, along_column):
+def normals_of(
+    along_row: NDArray[np.float64], along_column: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """As `edge_normals`, from the steps (n, 2) to the next corner along the row and along the column."""
     pitch = np.minimum(np.linalg.norm(along_row, axis=1), np.linalg.norm(along_column, axis=1))
     first = np.arctan2(-along_column[:, 0], along_column[:, 1])
@@ -73,12 +77,14 @@ def normals_of(along_row, along_column):
     return np.column_stack([first, second]), pitch
 
 
-def window_radii(pitch):
+def window_radii(pitch: NDArray[np.float64]) -> NDArray[np.float64]:
     """The windows' radii (n,), px, on boards of some pitch."""
     return np.clip(REACH * pitch, SMALLEST_WINDOW, WINDOW)
 
 
-def windows(image, pixels, offsets, radii):
+def windows(
+    image: NDArray[np.uint8], pixels: NDArray[np.intp], offsets: NDArray[np.float64], radii: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Grey values and weights (n, k) in windows around pixels, and the windows' lattice (2, k).
 
     The weight is 1 within the radius around pixel + offset and falls to 0 over one px; outside of the image it
@@ -96,7 +102,13 @@ def windows(image, pixels, offsets, radii):
     return values, weights, lattice.astype(float)
 
 
-def unclear_corners(corners, fits, grid, converged=False, seen=None):
+def unclear_corners(
+    corners: NDArray[np.float64],
+    fits: CornerFits,
+    grid: NDArray[np.float64],
+    converged: bool = False,
+    seen: NDArray[np.bool_] | None = None,
+) -> NDArray[np.bool_]:
     """Which corners (n,) ran away, did not converge, are covered, or have the colours of their neighbours.
 
     With `converged` all fits count as converged (for a rough fit); `seen` is that of `fit_grid`.
@@ -115,7 +127,7 @@ def unclear_corners(corners, fits, grid, converged=False, seen=None):
     return unclear | faint | misfit | (fits.sigma > LARGEST_SIGMA)
 
 
-def check_corners(corners, fits, grid):
+def check_corners(corners: NDArray[np.float64], fits: CornerFits, grid: NDArray[np.float64]) -> None:
     """Raise if a corner is unclear."""
     bad = grid.reshape(-1, 2)[unclear_corners(corners, fits, grid)]
     if len(bad):

@@ -34,7 +34,7 @@ class BoardCorners:
     >>> import pegpose_lab as pl
     >>> camera = pl.TsaiCamera(8.0, pixel_pitch=(0.01, 0.01), principal_point=(199.5, 149.5), image_size=(400, 300))
     >>> board = pl.Checkerboard(columns=7, rows=5, square=20.0)
-    >>> image = pl.render_board(camera, RigidTransform.from_translation([-60.0, -20.0, 400.0]), board, rng=0)
+    >>> image = pl.render_board(camera, RigidTransform.from_translation([-60.0, -40.0, 400.0]), board, rng=0)
     >>> corners = pl.locate_board(image[:220], board)  # the lowest row is cut off
     >>> corners.whole, len(corners.index), corners.object_points[-1].tolist()
     (False, 28, [120.0, 60.0, 0.0])
