@@ -60,6 +60,7 @@ def agreeing_views(
     noise = own_noise(object_points, image_points)
     if not noise.all():
         return None
+    noise = np.minimum(noise, AGREES**0.5 * np.median(noise))  # a blurred view does not agree by being blurred
     least, best = np.inf, None
     for count, subset in enumerate(_subsets(number)):
         if count == HOPELESS and not best:

@@ -133,7 +133,8 @@ def refused(
     if fit is None:
         found = agreeing_views(model, object_points, image_points, loss)
     else:
-        found = majority(fit, object_points, image_points, loss, fit.variance)
+        found = outlying_views(fit, object_points, image_points, loss)
+        found = found if found[0] else majority(fit, object_points, image_points, loss, fit.variance)
     if not found:
         return CalibrationError(str(error))
     return CalibrationError(f"{view_sentence(fit, *found, object_points, image_points)} With all views: {error}")
