@@ -89,7 +89,6 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .camera import TsaiCamera as TsaiCamera
     from .checks import CalibrationError as CalibrationError
     from .checks import DetectionError as DetectionError
-    from .checks import Flag as Flag
     from .circles import Circles as Circles
     from .circles import find_circles as find_circles
     from .corners import BoardCorners as BoardCorners
@@ -97,6 +96,7 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .corners import locate_board as locate_board
     from .discs import Discs as Discs
     from .discs import fit_discs as fit_discs
+    from .flags import Flag as Flag
     from .patterns import RingMark as RingMark
     from .patterns import RingPattern as RingPattern
     from .pegs import PegObservation as PegObservation
@@ -116,7 +116,7 @@ __version__ = "0.2.0"
 _HOME = {
     "DetectionError": "checks",
     "CalibrationError": "checks",
-    "Flag": "checks",
+    "Flag": "flags",
     "Sensor": "camera",
     "TsaiCamera": "camera",
     "OpenCVCamera": "camera",

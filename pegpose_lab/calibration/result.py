@@ -18,7 +18,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from ..camera import UNKNOWN_SIZE
-from ..checks import Flag, as_number, outside
+from ..checks import as_number, outside
+from ..flags import Flag
 from .files import read_calibration, write_calibration
 from .two_stage.tsai import judge_interval
 

@@ -4,10 +4,10 @@ A lens model is one file here, with the methods that `pinhole` lists.
 """
 
 from .fisheye import FisheyeCamera, equidistant
-from .lens_derivative import by_direction, by_turn, lens_covariance, lens_derivative
 from .opencv import OpenCVCamera
 from .pinhole import UNKNOWN_SIZE
 from .radial import distort_radius, max_undistorted_radius
+from .sensitivity import by_direction, by_turn, lens_covariance, lens_derivative
 from .sensor import Sensor
 from .tsai import TsaiCamera, as_sensor
 

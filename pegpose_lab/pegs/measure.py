@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..checks import DetectionError, Flag
+from ..checks import DetectionError
 from ..discs import fit_discs
+from ..flags import Flag
 from .candidates import _as_circles
 from .edges import _ellipses, _fields_beside, _rims, _visible
 from .plane import _images

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import REMAP_LIMIT, DetectionError, Flag, as_number
+from ..checks import REMAP_LIMIT, DetectionError, as_number
+from ..flags import Flag
 from .design import SIGNS, _design
 from .edges import _field, _field_near, _refined
 from .judge import WORTH, _agreement
@@ -36,9 +37,7 @@ STEEP = 2.5  # ratio of the axes of a circle's image
 def _locate_ring(image, pattern, radius_range, previous):
     """The `PegObservation` of a ring."""
     if max(image.shape) > REMAP_LIMIT:
-        raise ValueError(
-            f"image has shape {image.shape}; a ring is looked for in sides up to {REMAP_LIMIT} px: cut it out"
-        )
+        raise ValueError(f"image has shape {image.shape}; a ring is looked for in up to {REMAP_LIMIT} px: cut it out")
     design = _design(pattern)
     low, high = _radius_range(image, pattern, radius_range)
     if getattr(previous, "homography", None) is not None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from ..checks import CalibrationError, Flag, as_pose
+from ..checks import CalibrationError, as_pose
+from ..flags import Flag
 from .discs import Pose, back_project_discs, place_discs, pose_of
 from .fit import NEAR, approach, descend, fit_in_plane, fit_pose
 from .observed import observed_discs, other_parts

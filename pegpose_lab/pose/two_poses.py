@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from ..checks import Flag
+from ..flags import Flag
 from .discs import Pose
 from .fit import NEAR, descend, fit_pose, weights_of_directions
 

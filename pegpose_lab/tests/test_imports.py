@@ -13,7 +13,7 @@ PACKAGE = Path(pegpose_lab.__file__).parent
 
 # A room may import from rooms of earlier rows, and from those of its own row where there is no cycle.
 ORDER = (
-    ("checks", "files"),
+    ("checks", "files", "flags"),
     ("camera", "targets", "patterns"),
     ("render",),
     ("segmentation", "corners", "circles", "discs"),

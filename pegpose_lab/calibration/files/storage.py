@@ -9,7 +9,8 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from ...camera import UNKNOWN_SIZE, FisheyeCamera, OpenCVCamera, TsaiCamera
-from ...checks import Flag, as_points
+from ...checks import as_points
+from ...flags import Flag
 from ..board import BoardShape, BoardUnknowns
 from .names import COEFFICIENT_KEYS, HEIGHT_KEYS, MATRIX_KEYS, WIDTH_KEYS, opencv_coefficients
 from .texts import as_texts, from_texts

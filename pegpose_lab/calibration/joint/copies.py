@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...checks import Flag
+from ...flags import Flag
 from ..planes import is_planar
 from .homographies import plane_rotations
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...checks import CalibrationError, Flag
+from ...checks import CalibrationError
+from ...flags import Flag
 from ..planes import is_planar
 from .bundle import SMALLEST_RMS
 from .fitting import fit_views

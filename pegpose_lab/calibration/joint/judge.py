@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...checks import CalibrationError, Flag
+from ...checks import CalibrationError
+from ...flags import Flag
 from ..planes import relief
 from ..result import LEAST_VIEWS, judge_focal_length, judge_principal_point
 from ..two_stage.tsai import SMALL_TILT, TILT_SIGNIFICANCE

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...checks import CalibrationError, Flag
+from ...checks import CalibrationError
+from ...flags import Flag
 from ..result import judge_image_size
 from .agreeing import agreeing_views
 from .bundle import SMALLEST_RMS

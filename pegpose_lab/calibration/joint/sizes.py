@@ -13,6 +13,7 @@ from ...checks import CalibrationError
 from .bundle import descend
 from .candidates import in_pixels
 from .homographies import linear_homographies, plane_rotations, poses_of
+from .models.lens import Lens
 from .richer import plain
 from .views import State, Views, evaluate
 
@@ -34,13 +35,14 @@ SAME_SIZE = 0.01
 """A picture has the size of the others if its scale is this near to 1."""
 
 
-class Resized:
+class Resized(Lens):
     """A known camera whose picture is scaled by s and shifted: u' = s (u + 1/2) - 1/2 + o (pixel centres at whole
     numbers).  `free` says which of s, o_x, o_y are estimated; the others are 1, 0, 0."""
 
     def __init__(self, fit, free):
         self.fit, self.columns = fit, np.flatnonzero(free)
         self.names = [("scale", "o_x", "o_y")[column] for column in self.columns]
+        self.camera_parameters = fit.state.shared[: len(fit.model.lens_names)]
 
     def values(self, shared: NDArray[np.float64]) -> NDArray[np.float64]:
         values = np.array([1.0, 0.0, 0.0])
@@ -52,7 +54,7 @@ class Resized:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
         """As `models.TsaiModel.project`."""
         scale, *shift = self.values(shared)
-        projection = self.fit.model.project(self.fit.state.shared, points)
+        projection = self.fit.model.project(self.camera_parameters, points)
         if projection is None or scale <= 0:
             return None
         image, _, by_point = projection

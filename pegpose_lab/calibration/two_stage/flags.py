@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import RigidTransform
 
 from ...camera import Sensor, TsaiCamera
-from ...checks import CalibrationError, Flag
+from ...checks import CalibrationError
+from ...flags import Flag
 from ..joint.copies import judge_sides
 from ..joint.corners import judge_corners, wrong_corners
 from ..joint.fitting import fit_views

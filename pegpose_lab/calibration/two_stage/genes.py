@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from ...checks import Flag, as_choice
+from ...checks import as_choice
+from ...flags import Flag
 
 BOX = 0.25
 """Half-width of stage 2's box, as a fraction of the linear f and T_z (Eq. 5)."""

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import RigidTransform
 
 from ...camera import Sensor, TsaiCamera, as_sensor
-from ...checks import CalibrationError, Flag, as_matched_points, as_number, undetermined_if_singular
+from ...checks import CalibrationError, as_matched_points, as_number, undetermined_if_singular
+from ...flags import Flag
 from ..joint.starts import demand_views
 from ..planes import is_planar
 from ..result import MINIMUM_POINTS, Calibration

@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ...checks import CalibrationError, Flag, as_matched_points, undetermined_if_singular
+from ...checks import CalibrationError, as_matched_points, undetermined_if_singular
+from ...flags import Flag
 from ..planes import FLAT, is_planar, plane_frame, relief
 from .estimate import _column_norms, _design, _estimate, _propagate, _solve_ratios, _squared_sine
 

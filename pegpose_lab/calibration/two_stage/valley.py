@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...checks import Flag
+from ...flags import Flag
 from .objective import PENALTY
 
 if TYPE_CHECKING:

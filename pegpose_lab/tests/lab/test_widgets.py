@@ -289,16 +289,3 @@ def test_smaller_camera_sees_the_same():
 def _numbers(line):
     """theta, x and y of a line of text."""
     return [float(part.split()[0]) for part in line.split("= ")[1:]]
-
-
-def test_interval_explorer_counts_the_intervals_that_hold():
-    """Correlated errors: the stated intervals hold more often; a bow: none does, and the flag says so."""
-    explorer = intervals.interval_explorer(paper_experiment())
-    assert "flags: none" in explorer.text
-    explorer.controls["correlation"].value = 200
-    stated, classical = (
-        int(part.split()[0]) for part in explorer.text.split("is in ")[1:2] + explorer.text.split("and in ")[1:2]
-    )
-    assert stated > classical and "clustered-sigmas" in explorer.text
-    explorer.controls["correlation"].value, explorer.controls["bow"].value = 0, 0.4
-    assert "the truth is in 0 of 8" in explorer.text and "misfit-board (8 of 8)" in explorer.text
