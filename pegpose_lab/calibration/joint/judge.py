@@ -116,7 +116,7 @@ def _demand_tilt(fit, object_points):
 
 def _is_suspect(fit, tilt):
     """Whether the information about f must be tested: the tilt is small, or each view has little information."""
-    relative = np.sqrt(fit.covariance.iloc[0, 0]) / fit.state.shared[0]
+    relative = np.sqrt(fit.classical_covariance.iloc[0, 0]) / fit.state.shared[0]
     return tilt < SMALL_TILT or relative * np.sqrt(len(fit.state.rotations)) > LITTLE_WORTH
 
 
