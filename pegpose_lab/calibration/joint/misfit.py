@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .fitting import Fit
-    from .models import OpenCVModel, TsaiModel
+    from .models import FisheyeModel, OpenCVModel, TsaiModel
 
 
 LEAST_DISTINCT = 3
@@ -112,7 +112,7 @@ def _better_model(fit, views, loss, repeated):
 
 def refused(
     error: Exception,
-    model: TsaiModel | OpenCVModel,
+    model: TsaiModel | OpenCVModel | FisheyeModel,
     object_points: Sequence[NDArray[np.float64]],
     image_points: Sequence[NDArray[np.float64]],
     fit: Fit | None,
