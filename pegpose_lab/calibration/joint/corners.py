@@ -79,7 +79,7 @@ def without_wrong(
     return without_corners(kept, *lists)
 
 
-def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit) -> Flag:
+def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit, loss: str = "linear") -> Flag:
     """The flag that lists the wrong corners with their views."""
     alone = len(fit.views.used) == 1
     parts = [
@@ -89,7 +89,7 @@ def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit) -> Fl
     distances = [distance for corners in wrong.values() for distance in corners.values()]
     span = " to ".join(dict.fromkeys(plain(end, 2) for end in (min(distances), max(distances))))
     moved = plain(compared(rest, fit.model)[0] - compared(fit, fit.model)[0], 2, True)
-    remedy = "leave them out" if alone else 'leave them out, or use loss="cauchy"'
+    remedy = "leave them out" if alone or loss == "cauchy" else 'leave them out, or use loss="cauchy"'
     text = (
         f"Wrong corners (counted from 0): {'; '.join(parts)}: {span} px from where all others put them, which "
         f"themselves have an rms of {plain(np.sqrt(2 * rest.variance), 2)} px. Without them f moves by {moved} "

@@ -53,7 +53,7 @@ def judge_misfit(
         return flags
     wrong, rest = wrong_corners(fit, object_points, image_points, loss)
     if wrong:
-        flags += (judge_corners(fit, wrong, rest),)
+        flags += (judge_corners(fit, wrong, rest, loss),)
         fit, (object_points, image_points) = rest, without_wrong(wrong, object_points, image_points)
     repeated = [view for group in copies for view in group[1:]]
     return flags + _judge_views_and_lens(fit, object_points, image_points, loss, repeated)
