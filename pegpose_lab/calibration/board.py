@@ -124,8 +124,8 @@ class BoardShape:
     values : dict of str to float
         warp_x, warp_y, twist, bend_x, bend_y, mm, and aspect, as far as they were estimated.
     statistic, probability : float
-        F of the estimated values against an exact board, and the probability of such an F or a larger one if the board
-        is exact and the noise independent.
+        F of the estimated values against an exact board (Hotelling's, where the sigmas are stated by the scatter between
+        the views), and the probability of such an F or a larger one if the board is exact.
 
     Examples
     --------
@@ -157,8 +157,8 @@ class BoardShape:
             f"{name} = {value:.5f}" if name == "aspect" else f"{name} = {value:+.3f} mm"
             for name, value in self.values.items()
         )
-        told = "fits better than" if self.probability < 0.01 else "fits no better than"
-        return f"{shape}: this board {told} an exact one (F = {self.statistic:.3g}, p = {self.probability:.2g})"
+        verdict = "fits better than" if self.probability < 0.01 else "fits no better than"
+        return f"{shape}: this board {verdict} an exact one (F = {self.statistic:.3g}, p = {self.probability:.2g})"
 
 
 def board_unknowns(

@@ -26,7 +26,7 @@ from .uncertainty import as_length, unit_rays
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
 
 MIDDLE = 1 / 3
 """The motion is fitted in a circle with this fraction of the image's shorter side as its radius, unless another is
@@ -128,8 +128,8 @@ class CalibrationDifference:
 
 @undetermined_if_singular()
 def difference(
-    a: Calibration | TsaiCamera | OpenCVCamera,
-    b: Calibration | TsaiCamera | OpenCVCamera,
+    a: Calibration | TsaiCamera | OpenCVCamera | FisheyeCamera,
+    b: Calibration | TsaiCamera | OpenCVCamera | FisheyeCamera,
     distance: float = np.inf,
     *,
     radius: float | None = None,

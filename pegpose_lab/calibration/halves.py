@@ -10,8 +10,9 @@ import numpy as np
 from ..camera import lens_covariance
 from ..checks import CalibrationError, as_choice, as_count, as_views
 from .differencing import ROUNDING, difference
-from .image_map import COLUMNS, ImageMap
+from .image_map import COLUMNS, ImageMap, image_grid
 from .result import MINIMUM_POINTS
+from .uncertainty import as_length
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -41,7 +42,7 @@ class Halves:
     grid : (x, y)
         The axes of the grid over the image, px.
     refused : tuple of str
-        Why halves could not be calibrated, a text for each repeat that is missing.
+        Why halves could not be calibrated or compared, a text for each repeat that is missing.
 
     Examples
     --------
@@ -135,7 +136,7 @@ def split_halves(
     ValueError
         If the views are unusable or fewer than four, or the calibrations have no covariance.
     CalibrationError
-        If no split can be calibrated.
+        If no split can be calibrated, and compared over the whole image.
 
     Examples
     --------
@@ -164,7 +165,7 @@ def split_halves(
                 calibrate([object_points[k] for k in half], [image_points[k] for k in half])
                 for half in (np.sort(order[: count // 2]), np.sort(order[count // 2 :]))
             ]
-            found = difference(*pair, distance, radius=radius, columns=columns)
+            found = _compared(pair, distance, radius, columns)
         except CalibrationError as error:
             refused.append(str(error))
             continue
@@ -174,9 +175,23 @@ def split_halves(
         sigmas.append(found.sigmas)
     if not rows:
         raise CalibrationError(
-            f"none of {repeats} splits of {count} views can be calibrated; of the last: {refused[-1]}"
+            f"none of {repeats} splits of {count} views can be calibrated and compared; of the last: {refused[-1]}"
         )
     return Halves(pd.DataFrame(rows), np.array(lengths), np.array(sigmas), found.grid, tuple(refused))
+
+
+def _compared(pair, distance, radius, columns):
+    """The difference of two halves; CalibrationError where one lens has no image of what the other one sees.
+
+    Half of the views may determine a lens so poorly that its distortion folds inside the image.
+    """
+    image_grid(pair[0].camera.image_size, columns)  # unusable arguments are a ValueError, whatever the views
+    as_length(distance, "distance")
+    as_length(np.inf if radius is None else radius, "radius")
+    try:
+        return difference(*pair, distance, radius=radius, columns=columns)
+    except ValueError as error:
+        raise CalibrationError(f"two halves cannot be compared over the whole image ({error})") from error
 
 
 def _z(first, second):

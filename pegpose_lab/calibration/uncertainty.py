@@ -29,7 +29,7 @@ from .result import pose_names
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from ..camera import OpenCVCamera, TsaiCamera
+    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
     from .result import Calibration
 
 
@@ -195,7 +195,9 @@ def as_length(length: float, name: str) -> float:
     return np.inf if np.ndim(length) == 0 and length == np.inf else as_number(length, name, 0, exclusive=True)
 
 
-def unit_rays(camera: TsaiCamera | OpenCVCamera, image_points: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit_rays(
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera, image_points: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """The viewing directions (n, 3) of image points as unit vectors."""
     rays = camera.rays(image_points)
     return rays / np.linalg.norm(rays, axis=1, keepdims=True)

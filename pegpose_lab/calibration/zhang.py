@@ -114,7 +114,7 @@ def calibrate_zhang(
 
 def _as_coefficients(coefficients):
     """The checked coefficients in OpenCV's order; ValueError if `cv2.calibrateCamera` cannot estimate this set."""
-    given = set(coefficients) if np.iterable(coefficients) else {coefficients}
+    given = set(map(str, coefficients)) if np.iterable(coefficients) else {coefficients}
     radial = tuple(name for name in ("k1", "k2", "k3") if name in given)
     known = given <= set(COEFFICIENTS) and len(given) == np.size(coefficients)
     if not known or radial not in RADIAL or len(given & {"p1", "p2"}) == 1:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
+    from .fisheye import FisheyeCamera
     from .opencv import OpenCVCamera
     from .tsai import TsaiCamera
 
@@ -20,7 +21,7 @@ STEP, SMALLEST_STEP = 1e-2, 1e-6
 at least a millionth of its value, over which the projection moves by far more than its last digits."""
 
 
-def lens_covariance(camera: TsaiCamera | OpenCVCamera, covariance: pd.DataFrame) -> pd.DataFrame:
+def lens_covariance(camera: TsaiCamera | OpenCVCamera | FisheyeCamera, covariance: pd.DataFrame) -> pd.DataFrame:
     """The rows and columns of the camera's own parameters.
 
     The others are poses, and what is estimated of the board, as its warp: these do not move the image of a fixed
@@ -40,7 +41,7 @@ def lens_covariance(camera: TsaiCamera | OpenCVCamera, covariance: pd.DataFrame)
 
 
 def lens_derivative(
-    camera: TsaiCamera | OpenCVCamera, own: pd.DataFrame, normalized: NDArray[np.float64]
+    camera: TsaiCamera | OpenCVCamera | FisheyeCamera, own: pd.DataFrame, normalized: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Derivatives (n, 2, k) of image points, px, by the parameters of `own`, at fixed directions (x/z, y/z), (n, 2).
 
@@ -81,7 +82,7 @@ def lens_derivative(
     return np.stack(columns, axis=-1) if columns else np.zeros((len(normalized), 2, 0))
 
 
-def by_direction(camera: TsaiCamera | OpenCVCamera, rays: NDArray[np.float64]) -> NDArray[np.float64]:
+def by_direction(camera: TsaiCamera | OpenCVCamera | FisheyeCamera, rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivatives (n, 2, 3) of image points, px, by the viewing directions (n, 3) themselves, of whatever length.
 
     Examples

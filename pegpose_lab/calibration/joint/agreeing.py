@@ -13,7 +13,6 @@ from .bundle import descend
 from .candidates import in_pixels
 from .fitting import fit_views
 from .homographies import linear_homographies, plane_rotations, poses_of
-from .models import OpenCVModel, TsaiModel
 from .noise import own_noise
 from .sizes import Resized
 from .views import State, Views, evaluate
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .fitting import Fit
+    from .models import FisheyeModel, OpenCVModel, TsaiModel
 
 SUBSET, SUBSETS = 3, 30
 """Number of views in a subset, and of subsets that are tried.  If a third of nine views is wrong, a quarter of the subsets
@@ -44,7 +44,7 @@ ROUNDS = 5
 
 
 def agreeing_views(
-    model: TsaiModel | OpenCVModel,
+    model: TsaiModel | OpenCVModel | FisheyeModel,
     object_points: Sequence[NDArray[np.float64]],
     image_points: Sequence[NDArray[np.float64]],
     loss: str,

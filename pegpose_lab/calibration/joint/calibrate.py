@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ...camera import Sensor, TsaiCamera, as_sensor
 from ...checks import CalibrationError, as_choice, as_views, undetermined_if_singular
-from ..board import BoardShape, board_unknowns
+from ..board import FIRST_NOISE, BoardShape, board_unknowns
 from ..result import MINIMUM_POINTS, Calibration, judge_image_size
 from .fitting import fit_views
 from .judge import _judge, judge_independence
@@ -154,11 +154,15 @@ def _board_shape(fit):
     board, first = fit.model.board, len(fit.model.lens_names)
     if board is None:
         return None
-    values = fit.state.shared[first:]
+    values, number = fit.state.shared[first:], len(board.names)
     off, covariance = values - board.start, fit.covariance.loc[board.names, board.names].to_numpy()
-    statistic = float(off @ np.linalg.solve(covariance, off)) / len(off)
-    probability = float(f_tail(statistic, len(off), fit.freedom))
-    return BoardShape(board, dict(zip(board.names, values.tolist(), strict=True)), statistic, probability)
+    freedom = max(fit.sigma_freedom - number + 1, 1) if fit.clustered else fit.freedom  # Hotelling's, of a scatter
+    statistic = float(off @ np.linalg.solve(covariance, off)) / number
+    if fit.clustered:
+        statistic *= freedom / fit.sigma_freedom
+    probability = float(f_tail(statistic, number, freedom))
+    exact = replace(board, sigmas=np.full(number, np.inf), variance=FIRST_NOISE**2)  # without what only the fit needs
+    return BoardShape(exact, dict(zip(board.names, values.tolist(), strict=True)), statistic, probability)
 
 
 def _with_scale(fit, covariance, poses, sigma):

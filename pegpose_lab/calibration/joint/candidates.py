@@ -80,7 +80,7 @@ def _of_lens(model):
     words = "an equidistant (fisheye) lens"
     found.append(Candidate(words, _richer(model, EQUIDISTANT, "equidistant"), (*missing, *FINE_RADIAL), nested=False))
     if not missing:
-        found.append(Candidate("a radial pattern that none of the models here has", None, PATTERN))
+        found.append(Candidate("a radial pattern that none of the models here has,", None, PATTERN))
     if not {"p1", "p2"} & set(known):
         base = missing[:1] if named is None else []  # k1 alone may fit worse than kappa1
         tangential = tuple(name for name in RATIONAL if name in (*known, *base, "p1", "p2"))
@@ -97,12 +97,15 @@ def _of_fisheye(model):
             Candidate(f"an equidistant lens with {', '.join(EQUIDISTANT)}", _richer(model, EQUIDISTANT), missing)
         )
     gate = (*missing, *PATTERN)
-    for coefficients in (("k1", "k2"), ("k1", "k2", "k3")):
-        words = f"a perspective lens with {', '.join(coefficients)}"
-        found.append(Candidate(words, _richer(model, coefficients, "perspective"), gate, nested=False))
+    tangential = ("p1", "p2")
+    for coefficients in (("k1", "k2"), ("k1", "k2", "k3"), ("k1", "k2", *tangential), ("k1", "k2", *tangential, "k3")):
+        words, columns = f"a perspective lens with {', '.join(coefficients)}", gate
+        if "p1" in coefficients:
+            columns = (*gate, *tangential)
+        found.append(Candidate(words, _richer(model, coefficients, "perspective"), columns, nested=False))
     if not missing:
-        found.append(Candidate("a radial pattern that none of the models here has", None, PATTERN))
-    found.append(Candidate("a tangential pattern, which no equidistant lens here has", None, ("p1", "p2")))
+        found.append(Candidate("a radial pattern that none of the models here has,", None, PATTERN))
+    found.append(Candidate("a tangential pattern, which no equidistant lens here has,", None, tangential))
     return found
 
 
@@ -112,7 +115,7 @@ def _of_pixels(model):
         found.append(Candidate("f_x and f_y apart", _richer(model, two=True), ("f_y",)))
     if not model.free_center:
         found.append(Candidate("a free principal point", _richer(model, free_center=True), ("c_x", "c_y")))
-    words = "pixels whose rows and columns are not perpendicular (skew), which no camera here has"
+    words = "pixels whose rows and columns are not perpendicular (skew), which no camera here has,"
     return [*found, Candidate(words, None, ("skew",))]
 
 

@@ -11,8 +11,9 @@ from ...flags import Flag
 from ..planes import is_planar
 from .bundle import SMALLEST_RMS
 from .fitting import fit_views
-from .models import COEFFICIENTS, lens_model
+from .models import COEFFICIENTS, EQUIDISTANT, FisheyeModel, lens_model
 from .noise import LEAST_POINTS, smooth_residuals
+from .orders import far_corners
 from .richer import compared, plain
 from .views import evaluate
 
@@ -78,7 +79,7 @@ def without_wrong(
     return without_corners(kept, *lists)
 
 
-def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit) -> Flag:
+def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit, loss: str = "linear") -> Flag:
     """The flag that lists the wrong corners with their views."""
     alone = len(fit.views.used) == 1
     parts = [
@@ -88,7 +89,7 @@ def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit) -> Fl
     distances = [distance for corners in wrong.values() for distance in corners.values()]
     span = " to ".join(dict.fromkeys(plain(end, 2) for end in (min(distances), max(distances))))
     moved = plain(compared(rest, fit.model)[0] - compared(fit, fit.model)[0], 2, True)
-    remedy = "leave them out" if alone else 'leave them out, or use loss="cauchy"'
+    remedy = "leave them out" if alone or loss == "cauchy" else 'leave them out, or use loss="cauchy"'
     text = (
         f"Wrong corners (counted from 0): {'; '.join(parts)}: {span} px from where all others put them, which "
         f"themselves have an rms of {plain(np.sqrt(2 * rest.variance), 2)} px. Without them f moves by {moved} "
@@ -98,9 +99,11 @@ def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit) -> Fl
 
 
 def _robust(fit, object_points, image_points):
-    """A robust fit of the richest model, so that a lens beyond the fitted model makes no corner look wrong; of the
-    fitted model if the views do not determine the richest."""
-    richest = lens_model(fit.model.sensor, True, True, COEFFICIENTS)
+    """A robust fit of a richer model of the same kind, with the same unknowns of the board, so that a lens beyond the
+    fitted model makes no corner look wrong; of the fitted model if the views do not determine the richer one."""
+    lens, every = ("equidistant", EQUIDISTANT) if isinstance(fit.model, FisheyeModel) else ("perspective", COEFFICIENTS)
+    further = [name for name in fit.model.coefficient_names or () if name not in every]
+    richest = lens_model(fit.model.sensor, True, True, (*every, *further), lens).on(fit.model.board)
     try:
         return fit_views(richest, object_points, image_points, "cauchy")
     except (CalibrationError, np.linalg.LinAlgError):
@@ -138,3 +141,18 @@ def _alone(wrong, distances, object_points, image_points):
             off = np.linalg.norm(smooth_residuals(points, measured, kept), axis=1)
             alone[view, : len(points)] &= off > ALONE * distances[view, : len(points)]
     return alone
+
+
+def stray_corners(object_points: NDArray[np.float64], image_points: NDArray[np.float64]) -> dict[int, float]:
+    """Single wrong corners of one view, without a camera: those of `orders.far_corners` that a smooth image of the other
+    corners does not explain either, and their distances, px.
+
+    Distortion alone puts corners near the rim far from a homography.
+    """
+    far = far_corners(object_points, image_points) if is_planar(object_points) else {}
+    kept = ~np.isin(np.arange(len(object_points)), list(far))
+    if not far or kept.sum() < LEAST_POINTS:
+        return {}
+    off = np.linalg.norm(smooth_residuals(object_points, image_points, kept), axis=1)
+    least = WRONG * _sigma(off[kept])
+    return {corner: distance for corner, distance in far.items() if off[corner] > max(ALONE * distance, least)}

@@ -68,16 +68,31 @@ def covariance_of(
 
 def _undetermined(names, directions, poses):
     """In words, which parameters can change without moving a point; `poses` (V, 6, number) change with them."""
-    found = [in_words(names, direction, poses[:, :, k]) for k, direction in enumerate(directions)]
+    groups = []  # of directions that share a parameter: any mixture of them is as undetermined
+    for k, direction in enumerate(directions):
+        own = set(_changing(names, direction, poses[:, :, k]))
+        apart = [group for group in groups if not group & own - {"T_z"}]
+        groups = [*apart, own.union(*(group for group in groups if group not in apart))]
+    order = [*names, "T_z"]
+    found = [_trade_off(sorted(group, key=order.index)) for group in groups]
     return (
         f"the views do not determine all of {', '.join(names)}: {'; '.join(found)}; what trades off can change "
-        "together without moving a point; add views of other tilts (about 30 deg)"
+        "together without moving a point; add views of other tilts (about 30 deg), or free fewer parameters"
     )
 
 
 def in_words(names: Sequence[str], direction: NDArray[np.float64], poses: NDArray[np.float64]) -> str:
-    """The names of the parameters that change along a direction, with T_z if the poses shift in depth."""
+    """The parameters that change along a direction, with T_z if the poses shift in depth, as a sentence."""
+    return _trade_off(_changing(names, direction, poses))
+
+
+def _changing(names, direction, poses):
     free = [name for name, part in zip(names, direction, strict=True) if abs(part) > 0.1 * np.abs(direction).max()]
     shifts = np.abs(poses[:, 3:]).max(axis=0)
     along_axis = ["T_z"] if shifts[2] > 0.1 * shifts.max() and shifts.max() > 0 else []
-    return f"{' and '.join(free + along_axis)} trade off"
+    return free + along_axis
+
+
+def _trade_off(names):
+    *others, last = names
+    return f"{', '.join(others)} and {last} trade off" if others else f"{last} moves no point"

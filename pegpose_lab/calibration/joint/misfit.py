@@ -19,9 +19,9 @@ from ..result import judge_image_size
 from .agreeing import agreeing_views
 from .bundle import SMALLEST_RMS
 from .copies import copied_views, copies_sentence, judge_sides
-from .corners import judge_corners, without_wrong, wrong_corners
+from .corners import judge_corners, stray_corners, without_wrong, wrong_corners
 from .fitting import fit_views
-from .orders import far_corners, far_sentence
+from .orders import far_sentence
 from .outlying import majority, outlying_views, view_sentence, without
 from .richer import better_model, compared, model_sentence
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from .fitting import Fit
-    from .models import OpenCVModel, TsaiModel
+    from .models import FisheyeModel, OpenCVModel, TsaiModel
 
 
 LEAST_DISTINCT = 3
@@ -53,7 +53,7 @@ def judge_misfit(
         return flags
     wrong, rest = wrong_corners(fit, object_points, image_points, loss)
     if wrong:
-        flags += (judge_corners(fit, wrong, rest),)
+        flags += (judge_corners(fit, wrong, rest, loss),)
         fit, (object_points, image_points) = rest, without_wrong(wrong, object_points, image_points)
     repeated = [view for group in copies for view in group[1:]]
     return flags + _judge_views_and_lens(fit, object_points, image_points, loss, repeated)
@@ -112,7 +112,7 @@ def _better_model(fit, views, loss, repeated):
 
 def refused(
     error: Exception,
-    model: TsaiModel | OpenCVModel,
+    model: TsaiModel | OpenCVModel | FisheyeModel,
     object_points: Sequence[NDArray[np.float64]],
     image_points: Sequence[NDArray[np.float64]],
     fit: Fit | None,
@@ -123,10 +123,15 @@ def refused(
 
     `fit` is that of all views, or None if there is none.
     """
+    if isinstance(error, np.linalg.LinAlgError):
+        error = (
+            f"the views do not determine all of {', '.join(model.names)}, to the last digits; add views of other tilts "
+            "(about 30 deg), or free fewer parameters"
+        )
     groups = copied_views(object_points, image_points)
     if groups:
         return CalibrationError(f"{copies_sentence(groups, len(object_points))} With all views: {error}")
-    single = {view: far_corners(*pair) for view, pair in enumerate(zip(object_points, image_points, strict=True))}
+    single = {view: stray_corners(*pair) for view, pair in enumerate(zip(object_points, image_points, strict=True))}
     single = {view: corners for view, corners in single.items() if corners}
     if single:
         words = far_sentence(single, len(object_points) == 1)

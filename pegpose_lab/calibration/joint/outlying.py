@@ -44,7 +44,7 @@ def outlying_views(
     points, out, rest = (object_points, image_points), [], fit
     try:
         while 2 * len(out) + 2 < len(object_points):
-            ratios = _by_the_median(rest)
+            ratios = _by_the_median(rest, loss)
             if ratios.max() < SUSPECT:
                 break
             out.append([view for view in range(len(object_points)) if view not in out][int(np.argmax(ratios))])
@@ -52,7 +52,8 @@ def outlying_views(
         for view in tuple(out):
             others = [other for other in out if other != view]
             with_it = fit_views(fit.model, *without(others, *points), loss) if others else fit
-            if not _stands_out(with_it, rest, len(object_points)):
+            place = view - sum(other < view for other in others)
+            if not _stands_out(with_it, rest, len(object_points), place, loss):
                 return [], fit
     except (CalibrationError, np.linalg.LinAlgError):  # the others do not determine the camera
         return [], fit
@@ -76,17 +77,33 @@ def majority(
     return agreeing_views(fit.model, object_points, image_points, loss)
 
 
-def _by_the_median(fit):
-    """Variance of each view's residuals, relative to that of the median view."""
-    residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.weights[..., None]
+def _variances(fit, loss):
+    """Variance of each view's residuals, px^2; with a robust loss by the median distance, as of a Rayleigh distribution,
+    for a few wrong corners make no wrong view."""
+    residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.views.used[..., None]
+    if loss != "linear":
+        distances = np.hypot(*np.moveaxis(residuals, -1, 0))
+        middle = [np.median(row[used > 0]) for row, used in zip(distances, fit.views.used, strict=True)]
+        return np.square(middle) / (2 * np.log(2))
     counts = 2 * fit.views.used.sum(axis=1)
     freedom = np.maximum(counts - 6 - len(fit.model.names) * counts / counts.sum(), 1)
-    variances = np.sum(residuals**2, axis=(1, 2)) / freedom
+    return np.sum(residuals**2, axis=(1, 2)) / freedom
+
+
+def _by_the_median(fit, loss):
+    """The views' variances, relative to that of the median view."""
+    variances = _variances(fit, loss)
     return variances / max(np.median(variances), SMALLEST_RMS**2)
 
 
-def _stands_out(with_it, rest, number):
-    """Whether the one view that two fits differ by fits significantly worse than the rest of `number` views."""
+def _stands_out(with_it, rest, number, place, loss):
+    """Whether the one view that two fits differ by fits significantly worse than the rest of `number` views.
+
+    `place` is its place in the fit with it.  A robust loss bounds what the view adds to the sum of squares, so there the
+    view's own variance decides.
+    """
+    if loss != "linear":
+        return _variances(with_it, loss)[place] > STANDS_OUT * rest.variance
     freedom = with_it.freedom - rest.freedom
     ratio = (with_it.squares - rest.squares) / freedom / rest.variance
     return ratio > STANDS_OUT and f_tail(ratio, freedom, rest.freedom) < LEVEL / number

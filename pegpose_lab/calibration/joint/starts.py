@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from .models import OpenCVModel, TsaiModel
+    from .models import FisheyeModel, OpenCVModel, TsaiModel
     from .views import Views
 
 
@@ -64,7 +64,7 @@ def _size_hint(view, image_points, image_size):
 
 
 def find_start(
-    model: TsaiModel | OpenCVModel,
+    model: TsaiModel | OpenCVModel | FisheyeModel,
     views: Views,
     object_points: Sequence[NDArray[np.float64]],
     image_points: Sequence[NDArray[np.float64]],

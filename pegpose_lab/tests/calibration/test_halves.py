@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from pegpose_lab import CalibrationError, calibrate_joint, calibrate_tsai, paper, split_halves
+from pegpose_lab import CalibrationError, FisheyeCamera, calibrate_joint, calibrate_tsai, paper, split_halves
 from pegpose_lab.tests.calibration.two_models import MODEL_NAMES, MODELS, tilted_views
 
 SENSOR = paper.paper_camera().sensor
@@ -83,8 +83,28 @@ def test_halves_that_cannot_be_calibrated_are_counted():
     def never(*views):
         raise CalibrationError("too little tilt")
 
-    with pytest.raises(CalibrationError, match="none of 2 splits of 6 views can be calibrated; .*: too little tilt"):
+    with pytest.raises(
+        CalibrationError, match="none of 2 splits of 6 views can be calibrated and compared; .*: too little tilt"
+    ):
         split_halves(boards, images, never, repeats=2)
+
+
+def test_halves_whose_lens_folds_inside_the_image_are_counted():
+    boards, images, _ = tilted_views(paper.paper_camera(), 6, 0.1)
+    calls = []
+
+    def folds_once(*views):
+        calls.append(joint()(*views))
+        if len(calls) > 1:
+            return calls[-1]
+        camera = FisheyeCamera([[1300, 0, 799.5], [0, 1300, 599.5], [0, 0, 1]], [-2.0, 0, 0, 0], SENSOR.image_size)
+        return replace(calls[-1], camera=camera)
+
+    found = split_halves(boards, images, folds_once, repeats=2, rng=0)
+    assert len(found.table) == 1 and "cannot be compared over the whole image" in found.refused[0]
+    for options in ({"radius": -1.0}, {"distance": 0.0}, {"columns": 1}):
+        with pytest.raises(ValueError, match=next(iter(options))):
+            split_halves(boards, images, joint(), repeats=1, **options)
 
 
 def test_unusable_views_are_refused():

@@ -179,10 +179,18 @@ def test_zhang_frees_the_coefficients_that_are_named(coefficients):
     assert run.n_parameters == 4 + len(coefficients) + 6 * 5
 
 
-@pytest.mark.parametrize("coefficients", [("k2",), ("k1", "k3"), ("p1",), ("k1", "k1"), ("k4",), "k1x", 1])
+@pytest.mark.parametrize(
+    "coefficients", [("k2",), ("k1", "k3"), ("p1",), ("k1", "k1"), ("k4",), ("k1", ["k2"]), "k1x", 1]
+)
 def test_zhang_refuses_coefficients_that_opencv_cannot_free(coefficients):
     with pytest.raises(ValueError, match="coefficients is"):
         calibrate_zhang(*five_views(0.1), CAMERA, coefficients=coefficients)
+
+
+@pytest.mark.parametrize("coefficients", [("k1", "k1"), ("k7",), ("k1", ["k2"]), "k1", 1])
+def test_unknown_coefficients_are_refused(coefficients):
+    with pytest.raises(ValueError, match="coefficients is"):
+        calibrate_joint(*five_views(0.1), CAMERA, coefficients=coefficients)
 
 
 def test_a_calibration_knows_how_many_numbers_it_fitted():

@@ -33,7 +33,7 @@ def lens_model(
     sensor: Sensor,
     free_center: bool,
     two_focal_lengths: bool,
-    coefficients: str | Sequence[str] | None,
+    coefficients: Sequence[str] | None,
     lens: str = "perspective",
 ) -> TsaiModel | OpenCVModel | FisheyeModel:
     """The model for these options of `calibrate_joint`; ValueError if a coefficient is unknown or repeated."""
@@ -42,8 +42,8 @@ def lens_model(
         if lens == "perspective":
             return TsaiModel(sensor, free_center, two_focal_lengths)
         coefficients = EQUIDISTANT
-    coefficients = tuple(coefficients) if np.iterable(coefficients) else (coefficients,)
-    if set(coefficients) - set(known) or len(set(coefficients)) < len(coefficients):
-        raise ValueError(f"coefficients is {coefficients}; expected each once, of {', '.join(known)}")
+    names = tuple(map(str, coefficients)) if np.iterable(coefficients) else ()
+    if not np.iterable(coefficients) or set(names) - set(known) or len(set(names)) < len(names):
+        raise ValueError(f"coefficients is {coefficients!r}; expected each once, of {', '.join(known)}")
     model = FisheyeModel if lens == "equidistant" else OpenCVModel
-    return model(sensor, free_center, two_focal_lengths, coefficients)
+    return model(sensor, free_center, two_focal_lengths, names)

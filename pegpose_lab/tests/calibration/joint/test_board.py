@@ -8,6 +8,8 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import Calibration, Checkerboard, board_pose, calibrate_joint, calibrate_zhang
 from pegpose_lab.calibration.board import UNKNOWNS, BoardUnknowns
+from pegpose_lab.calibration.joint.calibrate import _board_shape
+from pegpose_lab.calibration.joint.fitting import fit_views
 from pegpose_lab.calibration.joint.models import lens_model
 from pegpose_lab.calibration.joint.views import State, Views, evaluate
 from pegpose_lab.paper import paper_camera
@@ -40,7 +42,10 @@ def test_a_bow_is_found_and_the_sigmas_are_honest():
         run = calibrate_joint(*scene(bowed(0.1), seed), CAMERA.sensor, board=("warp",))
         errors = run.camera.focal_length - CAMERA.focal_length, run.board.values["warp_x"] - 0.1
         pulls.append([errors[0] / run.sigma("focal_length"), errors[1] / run.sigma("warp_x")])
-        assert not of_board(run.flags) and run.board.probability < 1e-9 and abs(errors[1]) < 0.03
+        limit = (
+            1e-9 if run.sigmas_from == "independent errors" else 1e-6
+        )  # a scatter of 13 views has 12 degrees of freedom
+        assert not of_board(run.flags) and run.board.probability < limit and abs(errors[1]) < 0.03
     assert np.sqrt(np.mean(np.square(pulls), axis=0)) == pytest.approx([1, 1], abs=0.35)
 
 
@@ -101,6 +106,12 @@ def test_the_estimated_board_is_a_measured_board_for_any_method(tmp_path):
     back = Calibration.load(tmp_path / "camera.yml")
     assert back.board.values == run.board.values and back.board.apply(POINTS) == pytest.approx(measured, abs=1e-12)
     assert str(back.board) == str(run.board) and list(back.covariance) == list(run.covariance)
+    held = calibrate_joint(points, images, CAMERA.sensor, board={"warp": 0.5, "scale": 1e-3})
+    held.save(tmp_path / "camera.yml")
+    back = Calibration.load(tmp_path / "camera.yml")
+    assert str(back.board) == str(held.board) and back.covariance.equals(held.covariance)
+    assert vars(back.board.unknowns).keys() == vars(held.board.unknowns).keys()
+    assert not held.board.unknowns.has_prior and back.board.unknowns.variance == held.board.unknowns.variance
 
 
 def test_part_of_the_board_in_a_view_is_the_same_board():
@@ -193,3 +204,16 @@ def test_measured_relief_and_bow_add_up():
     images = scene(bowed(0.3), 8, noise=0.0)[1]
     run = calibrate_joint([bowed(0.1)] * 13, images, replace(CAMERA, focal_length=1.0), board=("warp",))
     assert run.board.values["warp_x"] == pytest.approx(0.2, abs=1e-4)
+
+
+def test_an_exact_board_is_rarely_rejected_where_errors_are_alike_within_a_view():
+    """Each of 8 views is bent in its own way by 0.3 px; 5 % by design, of 100 sets no more than 12 (p = 0.2 %)."""
+    rng, rejected = np.random.default_rng(3), 0
+    shapes = np.stack([U * U, V * V, U * V, U**3, V**3, U * U * V, U * V * V], axis=1)
+    model = lens_model(CAMERA.sensor, True, False, ("k1", "k2")).on(BoardUnknowns.of([POINTS], UNKNOWNS["warp"]))
+    for seed in range(100):
+        boards, images = scene(POINTS, seed, number=8)
+        fit = fit_views(model, boards, [image + 0.3 * shapes @ rng.standard_normal((7, 2)) for image in images])
+        assert fit.clustered
+        rejected += _board_shape(fit).probability < 0.05
+    assert rejected <= 12

@@ -55,6 +55,14 @@ def test_a_fisheye_model_on_a_perspective_lens_is_told_so():
     assert "with a perspective lens with k1, k2, k3 they fit better" in flag
 
 
+def test_a_fisheye_model_on_a_perspective_lens_with_tangential_distortion_is_told_so():
+    camera = OpenCVCamera(ACTION.camera_matrix, [-0.1, 0.02, 0.003, -0.002, 0], SIZE)
+    points, images = scene(camera, 45, 0)
+    flags = calibrate_joint(points, images, SENSOR, lens="equidistant").flags
+    (flag,) = [flag for flag in flags if flag.code == "misfit-lens"]
+    assert "with a perspective lens with k1, k2, p1, p2 they fit better" in flag
+
+
 def test_a_fisheye_of_fewer_coefficients_is_told_the_others():
     points, images = scene(FISHEYE, 78, 0)
     poor = calibrate_joint(points, images, SENSOR, lens="equidistant", coefficients=())
@@ -72,7 +80,7 @@ def test_a_principal_point_and_two_focal_lengths_of_a_fisheye():
 def test_more_coefficients_than_the_views_determine_are_refused():
     """Without distortion numerator and denominator cancel: k1 and k4 do the same."""
     camera = Sensor((1, 1), (802, 597), SIZE).camera(1300.0)
-    with pytest.raises(CalibrationError, match=r"k1 and .*k4.* trade off"):
+    with pytest.raises(CalibrationError, match=r"k1, .*k4.* and .* trade off"):
         calibrate_joint(*scene(camera, 40, 0), SENSOR, coefficients=RATIONAL)
 
 

@@ -3,7 +3,18 @@
 import numpy as np
 import pytest
 
-from pegpose_lab import CalibrationError, calibrate_genetic, calibrate_joint, calibrate_tsai, calibrate_zhang
+from pegpose_lab import (
+    CalibrationError,
+    FisheyeCamera,
+    OpenCVCamera,
+    calibrate_genetic,
+    calibrate_joint,
+    calibrate_tsai,
+    calibrate_zhang,
+)
+from pegpose_lab.calibration.joint.models import RATIONAL
+from pegpose_lab.study import trial_poses
+from pegpose_lab.tests.calibration.joint.boards import EXPERIMENT
 from pegpose_lab.tests.calibration.joint.test_wrong_views import BOARD, CAMERA, VIEWS, boards, flag, joint, zhang
 
 WRONG = {(1, 0): (8, -3), (4, 20): (0, 30), (4, 53): (-5, 0)}
@@ -62,3 +73,28 @@ def test_a_held_principal_point_far_off_makes_no_corner_wrong():
 
 def test_zhang_on_good_views_lists_none():
     assert calibrate_zhang([BOARD] * VIEWS, boards(5), CAMERA.image_size).flags == ()
+
+
+def wide_views(camera, noise, seed, number=6):
+    rng = np.random.default_rng(seed)
+    poses = trial_poses(EXPERIMENT.board, 30.0, number, rng)
+    return [camera.project(EXPERIMENT.board.object_points, pose) + noise * rng.normal(size=(48, 2)) for pose in poses]
+
+
+@pytest.mark.parametrize("k1, wrong", [(-3.0, False), (-0.3, True)])
+def test_distortion_makes_no_corner_wrong_where_a_calibration_is_refused(k1, wrong):
+    """The rational coefficients trade off; near the rim, distortion puts corners far from a homography."""
+    camera = OpenCVCamera([[4800, 0, 799.5], [0, 4800, 599.5], [0, 0, 1]], [k1, 1.0, 0, 0, 0], (1600, 1200))
+    board, images = [EXPERIMENT.board.object_points] * 3, wide_views(camera, 0.1, 0, 3)
+    images[2][7] += [60 * wrong, 40 * wrong]
+    start = "Wrong corners: corner 7 of view 2 " if wrong else "the (views|least squares) .* free fewer"
+    with pytest.raises(CalibrationError, match=f"^{start}"):
+        calibrate_joint(board, images, CAMERA.sensor, coefficients=RATIONAL)
+
+
+def test_a_wrong_corner_of_a_fisheye_camera_is_the_only_one():
+    camera = FisheyeCamera([[3000, 0, 799.5], [0, 3000, 599.5], [0, 0, 1]], [0.5, -0.2, 0, 0], (1600, 1200))
+    images = wide_views(camera, 0.1, 1)
+    images[3][40] += [6, 3]
+    run = calibrate_joint([EXPERIMENT.board.object_points] * 6, images, CAMERA.sensor, lens="equidistant")
+    assert flag(run, "misfit-corner").startswith("Wrong corners (counted from 0): corner 40 of view 3: ")
