@@ -30,9 +30,9 @@ def test_the_example_runs_as_it_stands(tmp_path):
             cv2.imwrite(str(tmp_path / folder / f"{number}.png"), picture(number))
     (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     run = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
-    found, half = map(float, re.search(r"f = ([\d.]+) \+- ([\d.]+) mm", run.stdout).groups())
+    low, high = map(float, re.search(r"f = ([\d.]+) to ([\d.]+) mm", run.stdout).groups())
     ratio = experiment.camera.focal_length / experiment.camera.pixel_pitch[0]
-    assert found / 0.0371 == pytest.approx(ratio, abs=3 * half / 0.0371)
+    assert (low + high) / 2 / 0.0371 == pytest.approx(ratio, abs=3 * (high - low) / 2 / 0.0371)
     thetas = [float(theta) for theta in re.findall(r"theta = (-?[\d.]+) deg", run.stdout)]
     assert thetas == pytest.approx([-141.205, -144.205], abs=0.01)
     assert (tmp_path / "camera.yaml").exists()
