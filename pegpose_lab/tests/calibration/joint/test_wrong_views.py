@@ -141,10 +141,7 @@ def test_pictures_of_another_size_are_named(calibrate, scale):
         images = boards(seed)
         for view in (2, 5):
             images[view] = (images[view] + 0.5) * scale - 0.5
-        try:
-            words = flag(calibrate(images), "misfit-view")
-        except CalibrationError as error:  # they scatter so much that f is not determined
-            words = str(error)
+        words = flag(calibrate(images), "misfit-view")
         assert words.startswith("Views 2, 5 (counted from 0) do not fit the others") and "f moves by" in words
         assert f"Views 2, 5 would fit with pixels scaled by {1 / scale:.3g} (a picture of {scale:.3g} times" in words
 
