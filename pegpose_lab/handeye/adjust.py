@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 STEPS, SMALL_STEP = 50, 1e-6
 """Steps at most (six are usual), and the step, in units of the unknowns' sigmas, below which none is left to do."""
+WEIGHED = 25
+"""Steps in which the sigmas are estimated anew: with five poses they may go on sliding for long."""
 LEAST_SIGMAS = (1e-8, 1e-5)
 """rad, mm: sigmas below these are rounding."""
 
@@ -120,7 +122,7 @@ def adjust(
     """
     sigmas = np.repeat([1.0, 0.01] if given is None else given[::-1], 3)  # 1 mm, 0.01 rad to start with
     solution = start
-    for _ in range(STEPS):
+    for number in range(STEPS):
         residuals, design = evaluate(pairs, solution, point, scaled)
         fit = Fit(solution, residuals, design, sigmas)
         information = fit.information
@@ -130,7 +132,7 @@ def adjust(
         if np.sqrt(step @ information @ step) < SMALL_STEP * np.sqrt(len(step)):
             return fit
         solution = moved(solution, step)
-        if given is None:
+        if given is None and number < WEIGHED:
             sigmas = _sigmas(fit, residuals - np.einsum("nik,k->ni", design, step))
     raise CalibrationError(
         f"the least squares does not settle in {STEPS} steps; check that the poses are pairs and in one set-up"

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-FAR_POSE = 4.0
-"""Distance of a pose left out over the median of all, from which it does not fit the others: with errors of one size it
-is below 3 in 999 of 1000 sets of 10 poses."""
+FAR_POSE = 3.0
+"""Distance of a pose left out over the median of all, from which it does not fit the others: errors of one size stay below
+2.5 in 1000 sets of 10 poses."""
 CERTAIN = 0.9995
 """Quantile from which the target's size is said to be wrong: once in 1000 right targets."""
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 SETUPS = ("eye-to-hand", "eye-in-hand")
 LEAST_POSES = 5
-"""Three poses determine X and Y, and each must be left out once; with four, the two sigmas are not settled by the rest."""
+"""Three poses determine X and Y, and each must be left out once; with four, the two sigmas cannot be told from the rest."""
 
 
 @dataclass(frozen=True, eq=False)
