@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-FAR_POSE = 3.0
+FAR_POSE = 4.0
 """Distance of a pose left out over the median of all, from which it does not fit the others: errors of one size stay below
-2.5 in 1000 sets of 10 poses."""
+2.5 in 1000 sets of 10 poses, and errors that differ between poses by a factor of two are above it in one set of ten."""
 CERTAIN = 0.9995
 """Quantile from which the target's size is said to be wrong: once in 1000 right targets."""
 

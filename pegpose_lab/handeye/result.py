@@ -61,7 +61,17 @@ class HandEye:
 
     Examples
     --------
-    See `calibrate_hand_eye`.
+    >>> import numpy as np
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> from pegpose_lab import UncertainPose, calibrate_hand_eye
+    >>> rng = np.random.default_rng(0)
+    >>> turns = Rotation.from_rotvec(0.3 * rng.standard_normal((8, 3)))
+    >>> seen = RigidTransform.from_components(rng.uniform(400, 600, (8, 3)), turns)
+    >>> base = RigidTransform.from_translation([1000.0, 0.0, 0.0])
+    >>> found = calibrate_hand_eye(base * seen, seen)  # the target's frame is the end effector's
+    >>> hub = UncertainPose.exact(RigidTransform.from_translation([10.0, 20.0, 400.0]))
+    >>> found.robot_from_hub(hub).pose.translation.round(3).tolist()
+    [1010.0, 20.0, 400.0]
     """
 
     setup: str

@@ -44,6 +44,28 @@ def test_intervals_hold_the_truth(scaled):
     assert len(flags) <= 5  # a flag on the target's size comes once in 1000
 
 
+def test_errors_that_differ_between_poses():
+    """Depth and tilt are worse than the rest, and some pictures than others by a factor of two: intervals hold still."""
+    rng, inside, flagged = np.random.default_rng(5), [], 0
+    for _ in range(150):
+        robot = drawn(rng, int(rng.integers(10, 21)), noise=0)
+        size = np.exp(0.6 * rng.standard_normal((len(robot.cam_from_target), 1)))
+        shifts = size * NOISE * rng.standard_normal((len(size), 3)) * [1, 1, 3]
+        turns = Rotation.from_rotvec(size * TURN_NOISE * rng.standard_normal((len(size), 3)) * [2, 2, 1])
+        seen = robot.cam_from_target
+        seen = RigidTransform.from_components(seen.translation + shifts, turns * seen.rotation)
+        found = calibrate_hand_eye(robot.robot_from_end_effector, seen)
+        inside.append(np.abs(difference(found.mount_from_cam, robot.mount_from_cam)) < found.half_widths)
+        flagged += any(flag.code == "misfit-pose" for flag in found.flags)
+    assert 0.93 < np.mean(inside) < 0.99 and flagged < 0.2 * 150
+
+
+def test_five_poses_are_enough_to_settle():
+    rng = np.random.default_rng(6)
+    for _ in range(200):
+        assert solved(drawn(rng, 5)).half_widths.max() < 100
+
+
 def test_noise_is_found_and_predicted():
     """The estimated sigmas are those drawn, and a new pose is where the calibration and they say."""
     rng, sigmas, inside = np.random.default_rng(2), [], []

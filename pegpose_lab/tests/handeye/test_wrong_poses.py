@@ -34,6 +34,7 @@ WRONG = {
     "shuffled": (lambda robot, seen, rng: (robot, shuffled(seen, rng)), "do not fit each other"),
     "robot in m": (lambda robot, seen, rng: (scaled(robot, 1e-3), seen), "the robot's in m and the camera's in mm"),
     "camera in m": (lambda robot, seen, rng: (robot, scaled(seen, 1e-3)), "the robot's in mm and the camera's in m"),
+    "camera in cm": (lambda robot, seen, rng: (robot, scaled(seen, 0.1)), "the robot's in mm and the camera's in cm"),
     "camera in inches": (lambda robot, seen, rng: (robot, scaled(seen, 1 / 25.4)), "the camera's in inches"),
     "degrees": (lambda robot, seen, rng: (in_degrees(robot), seen), "in radians"),
     "robot transposed": (lambda robot, seen, rng: (transposed(robot), seen), "rotations of robot_from_end_eff"),
