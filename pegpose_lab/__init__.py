@@ -97,6 +97,9 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .discs import Discs as Discs
     from .discs import fit_discs as fit_discs
     from .flags import Flag as Flag
+    from .handeye import HandEye as HandEye
+    from .handeye import UncertainPose as UncertainPose
+    from .handeye import calibrate_hand_eye as calibrate_hand_eye
     from .patterns import RingMark as RingMark
     from .patterns import RingPattern as RingPattern
     from .pegs import PegObservation as PegObservation
@@ -156,6 +159,9 @@ _HOME = {
     "board_poses": "calibration",
     "HubPose": "pose",
     "estimate_pose": "pose",
+    "HandEye": "handeye",
+    "UncertainPose": "handeye",
+    "calibrate_hand_eye": "handeye",
 }
 
 __all__ = sorted(_HOME)

@@ -38,6 +38,10 @@ class Flag(str):
     weak-ring                 few places are seen, or their rims are not clear
     ring-misfit               the rims are not those of equal discs in one plane
     steep-view                the ring is seen at a steep angle
+    little-turn               the robot turns mostly about one axis, along which the camera's place is weak
+    misfit-pose               the robot's other poses do not predict some poses of the target
+    target-scale              by the robot's motion the target has another size
+    small-lengths             all translations are so small that they must be metres
     unknown                   a sentence alone, as in a file of an earlier version
     ========================  =======================================================================
 

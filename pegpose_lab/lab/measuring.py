@@ -39,6 +39,9 @@ MEASUREMENTS = {
     "disc_pulls": Measurement(
         "study.write_disc_pulls", ("disc_pulls",), "20 s", ("discocal-left", "robot-dots-10x10", "open3dv-dots")
     ),
+    "hand_eyes": Measurement(
+        "study.write_hand_eyes", ("hand_eyes",), "20 s", ("visp_franka_eye_to_hand", "robot-dots-10x10")
+    ),
     "real_rings": Measurement(
         "study.write_real_rings", ("real_rings", "real_ring_places", "real_ring_circles", "real_ring_runs"), "30 s",
         ("rings-a", "visp-mire2-a", "visp-mire2-b"),

@@ -16,6 +16,7 @@ from .honest_intervals import correlated_noise, correlated_trials, write_split_h
 from .measured import load_measured, made_by, write_measured
 from .opencv_corners import sub_pixel_corners
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
+from .real_hand_eyes import write_hand_eyes
 from .real_rings import write_real_rings
 from .sector_corners import load_sector_corners, write_sector_corners
 from .segmented_parts import write_parts
@@ -61,6 +62,7 @@ __all__ = [
     "write_circle_counts",
     "write_disc_pulls",
     "write_grid",
+    "write_hand_eyes",
     "write_left_corners",
     "write_measured",
     "write_parts",

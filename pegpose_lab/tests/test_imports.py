@@ -17,7 +17,7 @@ ORDER = (
     ("camera", "targets", "patterns"),
     ("render",),
     ("segmentation", "corners", "circles", "discs"),
-    ("pegs", "calibration", "pose"),
+    ("pegs", "calibration", "pose", "handeye"),
     (
         "lab.calibrators",
         "lab.environment",
