@@ -97,6 +97,11 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .discs import Discs as Discs
     from .discs import fit_discs as fit_discs
     from .flags import Flag as Flag
+    from .insertion import AssemblyForecast as AssemblyForecast
+    from .insertion import Entry as Entry
+    from .insertion import Wheel as Wheel
+    from .insertion import assembly_forecast as assembly_forecast
+    from .insertion import peg_entry as peg_entry
     from .patterns import RingMark as RingMark
     from .patterns import RingPattern as RingPattern
     from .pegs import PegObservation as PegObservation
@@ -156,6 +161,11 @@ _HOME = {
     "board_poses": "calibration",
     "HubPose": "pose",
     "estimate_pose": "pose",
+    "Wheel": "insertion",
+    "Entry": "insertion",
+    "peg_entry": "insertion",
+    "AssemblyForecast": "insertion",
+    "assembly_forecast": "insertion",
 }
 
 __all__ = sorted(_HOME)
