@@ -57,7 +57,8 @@ def farthest(offsets: NDArray[np.float64], across: float, along: NDArray[np.floa
         low, high = np.where(slope > 0, angle, low), np.where(slope > 0, high, angle)
         trial = angle + slope / np.where(curvature > 0, curvature, np.inf)
         trial = np.where((trial >= low) & (trial <= high) & (curvature > 0), trial, (low + high) / 2)
-        gained = np.max(np.abs(slope * (trial - angle)), initial=0.0)
+        # near a minimum the slope says nothing; as the offset is small there, what the axes differ by is to be gained
+        gained = np.max(np.abs(np.where(curvature > 0, slope * (trial - angle), bend)), initial=0.0)
         angle = trial
         if gained < SETTLED * across**2:
             break
