@@ -1,7 +1,8 @@
 """Insertion of a wheel on the pegs of a hub: its geometry, what is to be expected of it, and the forces of contact.
 
-`wheel` has the part, `sections` the exact geometry of tilted pegs in their holes, `entry` what each peg meets, `causes` the
-covariances, `forecast` the probabilities, `contact` wedging and jamming.
+`wheel` has the part, `sections` the exact geometry of tilted pegs in their holes, `entry` what each peg meets, `leading`
+how pegs in their chamfers lead the others, `causes` the covariances, `forecast` the probabilities, and `contact` wedging
+and jamming.
 """
 
 from .contact import Contacts, can_wedge, jamming_load, two_point_contacts, wedging_depth

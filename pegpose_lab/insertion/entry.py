@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import as_points, as_pose
+from .leading import led_in
 from .sections import farthest, in_tilt_axes, reaches
 from .wheel import Wheel, as_pair
 
@@ -28,14 +29,18 @@ class Entry:
     Attributes
     ----------
     meetings : tuple of str
-        What each peg meets first: "free" (nothing, down to its full height), "wall" (the wall of the hole at `depths`,
-        because of the tilt), "chamfer" (which leads it into the hole if the wheel can give way) or "blocked" (the face).
+        What each peg meets first on this path: "free" (nothing, down to its full height), "wall" (the wall of the hole at
+        `depths`, because of the tilt), "chamfer" (which leads it into the hole if the wheel can give way) or "blocked" (the
+        face).
     tops, mouths : (n,) ndarray
         Room, mm, between the peg and the straight part of its hole, at its top when it enters and at the mouth of the
         seated wheel.  Negative without room: -0.3 at a top is 0.3 mm up the chamfer.
     depths : (n,) ndarray
         Depth of the wheel's face under the plane of the peg tops, mm along the wheel's axis, that each peg leaves free:
         the hub's `peg_height` if it meets nothing.  A chamfer or the face is met at the peg's own top.
+    outcome : str
+        What the wheel meets: the last of "free", "wall", "chamfer" and "blocked" that a peg meets; but "chamfer" in place of
+        "blocked" if other pegs, whose chamfers are met earlier, move the wheel in time (see `leading.led_in`).
 
     Examples
     --------
@@ -51,22 +56,19 @@ class Entry:
     tops: np.ndarray
     mouths: np.ndarray
     depths: np.ndarray
-
-    @property
-    def outcome(self) -> str:
-        """What the wheel meets: the last of "free", "wall", "chamfer" and "blocked" that a peg meets."""
-        return max(self.meetings, key=MEETINGS.index)
+    outcome: str
 
     @property
     def enters(self) -> bool:
-        """Whether every peg comes into its hole, by itself or led by the chamfer."""
-        return "blocked" not in self.meetings
+        """Whether every peg comes into its hole, by itself or led by the chamfers."""
+        return self.outcome != "blocked"
 
 
 def peg_entry(hub_from_wheel: RigidTransform, hub: Hub, wheel: Wheel, hole_offsets: ArrayLike | None = None) -> Entry:
     """Return what each peg meets when the wheel moves from a pose along its own axis.
 
-    The geometry is exact for rigid parts, at any tilt: see `sections.reaches`.
+    On the straight path the geometry is exact for rigid parts, at any tilt: see `sections.reaches`.  Whether the wheel enters
+    holds for a hand that gives way sideways and to a turn about the wheel's axis, but not to a tilt: see `leading.led_in`.
 
     Parameters
     ----------
@@ -111,11 +113,13 @@ def peg_entry(hub_from_wheel: RigidTransform, hub: Hub, wheel: Wheel, hole_offse
     tops = inverse.apply(hub.peg_centers)
     top, mouth = reaches(tops, axis, holes, hub, wheel)
     radius = hub.peg_radius + wheel.clearance
-    meetings = [MEETINGS[k] for k in meeting_numbers(radius - top, radius - mouth, wheel.chamfer)]
+    numbers = meeting_numbers(radius - top, radius - mouth, wheel.chamfer)
+    led = led_in(tops[None], axis[None], holes[None], top[None], hub, wheel)[0]
+    outcome = MEETINGS[min(numbers.max(), 2 if led else 3)]
     depths = _depths(tops, axis, holes, hub, wheel)
     # a chamfer or the face is met at the peg's top, as far as the wheel has to come to it
     depths = np.where(top > radius, np.clip(tops[:, 2], 0.0, hub.peg_height), depths)
-    return Entry(tuple(meetings), radius - top, radius - mouth, depths)
+    return Entry(tuple(MEETINGS[k] for k in numbers), radius - top, radius - mouth, depths, outcome)
 
 
 def meeting_numbers(tops: NDArray[np.float64], mouths: NDArray[np.float64], chamfer: float) -> NDArray[np.int64]:

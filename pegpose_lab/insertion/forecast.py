@@ -13,6 +13,7 @@ from scipy.stats import qmc
 from ..checks import CalibrationError, as_number, as_pose
 from .causes import causes_of, offset_derivatives, root_of
 from .entry import MEETINGS, meeting_numbers
+from .leading import led_in
 from .sections import reaches
 from .wheel import Wheel, as_pair
 
@@ -43,7 +44,8 @@ class AssemblyForecast:
     free_clearance, free_clearance_error : float
         Clearance, mm, with which 99.9 % (or `quantile`) of the insertions meet nothing, and its standard error.
     entry_clearance : float
-        The same for insertions that enter with the help of the chamfer; 0 if the chamfer alone is wide enough.
+        The same for insertions in which every peg comes into the mouth of its hole on a straight path; 0 if the chamfer
+        alone is wide enough.
     variance : float
         Mean squared offset, mm^2, of the limiting peg's top from the place in its hole that the plan puts it at.
     shares : dict of float
@@ -160,7 +162,11 @@ def assembly_forecast(
     top, mouth = reaches(tops, axes, holes, hub, wheel)
 
     radius = hub.peg_radius + wheel.clearance
-    numbers = meeting_numbers(radius - top, radius - mouth, wheel.chamfer).max(axis=1).reshape(REPLICATES, POINTS)
+    numbers = meeting_numbers(radius - top, radius - mouth, wheel.chamfer).max(axis=1)
+    shut = numbers == len(MEETINGS) - 1
+    at_holes = np.broadcast_to(holes, (len(tops), *holes.shape[-2:]))
+    numbers[shut] -= led_in(tops[shut], axes[shut], at_holes[shut], top[shut], hub, wheel)
+    numbers = numbers.reshape(REPLICATES, POINTS)
     rates = np.stack([(numbers == k).mean(axis=1) for k in range(len(MEETINGS))])
     errors = rates.std(axis=1, ddof=1) / np.sqrt(REPLICATES)
     needed = np.maximum(top, mouth) - hub.peg_radius  # clearances, mm

@@ -36,7 +36,7 @@ def model_of(hub, wheel, friction):
         for inner, z, tilt, height in rings
         for angle in 2 * np.pi * np.arange(FACETS) / FACETS
     )
-    stiff, soft, inertia = PUSH * 48 / 0.01, PUSH * 48 / 0.1, 1000.0
+    stiff, soft, inertia = PUSH * 48 / 0.0005, PUSH * 48 / 0.1, 1000.0
     joints = "".join(
         f'<joint type="{kind}" axis="{axis}" stiffness="{stiffness}" damping="{damping}"/>'
         for kind, axis, stiffness, damping in (

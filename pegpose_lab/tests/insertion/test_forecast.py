@@ -10,6 +10,7 @@ from scipy.stats import binomtest
 import pegpose_lab as pl
 from pegpose_lab.insertion.causes import RP_OF_SIGMA
 from pegpose_lab.insertion.entry import MEETINGS, meeting_numbers
+from pegpose_lab.insertion.leading import led_in
 from pegpose_lab.insertion.sections import reaches
 from pegpose_lab.tests.insertion.solids import CAM_FROM_HUB, covariance, perturbed, pose_with
 
@@ -29,7 +30,7 @@ def plan(tilt):
     return RigidTransform.from_rotation(Rotation.from_rotvec([0.6 * tilt, 0.8 * tilt, 0.0]))
 
 
-def simulated(runs, wheel, hub_from_wheel, rng, shift=None):
+def simulated(runs, wheel, hub_from_wheel, rng, singles=0):
     """What `runs` insertions meet (runs,): every cause drawn by itself, every pose composed in full."""
 
     def draws(cov):
@@ -47,11 +48,13 @@ def simulated(runs, wheel, hub_from_wheel, rng, shift=None):
     axes = wheel_from_hub.rotation.apply([0.0, 0.0, 1.0])
     top, mouth = reaches(tops, axes, holes, HUB, wheel)
     radius = HUB.peg_radius + wheel.clearance
-    if shift is not None:  # the wheels one by one
-        for k in range(shift):
-            entry = pl.peg_entry(wheel_from_hub[k].inv(), HUB, wheel, holes[k] - wheel.hole_centers)
-            np.testing.assert_allclose(entry.tops, radius - top[k], atol=1e-9)
-    return meeting_numbers(radius - top, radius - mouth, wheel.chamfer).max(axis=1)
+    numbers = meeting_numbers(radius - top, radius - mouth, wheel.chamfer).max(axis=1)
+    numbers = np.where(numbers == 3, 3 - led_in(tops, axes, holes, top, HUB, wheel), numbers)
+    for k in range(singles):
+        entry = pl.peg_entry(wheel_from_hub[k].inv(), HUB, wheel, holes[k] - wheel.hole_centers)
+        np.testing.assert_allclose(entry.tops, radius - top[k], atol=1e-9)
+        assert entry.outcome == MEETINGS[numbers[k]]
+    return numbers
 
 
 def forecast(wheel, hub_from_wheel=None, budget=BUDGET, **changes):
@@ -75,7 +78,13 @@ def test_rates_are_those_of_drawn_insertions():
 
 
 def test_drawn_insertions_are_those_of_single_wheels():
-    simulated(10, pl.Wheel(position_tolerance=0.2), plan(0.01), np.random.default_rng(1), shift=10)
+    simulated(
+        10,
+        pl.Wheel(clearance=0.15, chamfer=0.2, position_tolerance=0.2),
+        plan(0.01),
+        np.random.default_rng(1),
+        singles=50,
+    )
 
 
 def test_standard_errors_are_honest():
@@ -125,13 +134,13 @@ def test_the_clearance_is_enough():
 
 
 def test_the_limiting_peg():
-    """A turn error about an axis through pegs 1 and 3 lifts pegs 2 and 4; a hand-eye error counts by its lever arm."""
-    budget = {"discs": np.diag([1e-4, 1e-8, 1e-8, 1e-12, 1e-12, 1e-12])}
+    """A turn error adds to a planned shift at two pegs; a hand-eye error counts by its lever arm."""
+    budget = {"discs": np.diag([0, 0, 0, 0, 0, 1e-3]) ** 2}
     still = {"hand_eye_covariance": None, "robot_repeatability": 0.0}
-    offset = RigidTransform.from_components([0.0, 0.0, 0.0], Rotation.from_rotvec([0, 0, 0.002]))
-    moved = forecast(pl.Wheel(), offset * RigidTransform.from_translation([0.1, 0.1, 0]), budget=budget, **still)
+    moved = forecast(pl.Wheel(), RigidTransform.from_translation([0.2, 0.0, 0]), budget=budget, **still)
+    # a turn moves pegs 2 and 4 along the planned shift, which is to their longer side for one of them
+    assert moved.limiting_peg in (2, 4) and moved.limiting_shares[[1, 3]].sum() > 0.99
     assert moved.limiting_shares.sum() == pytest.approx(1.0)
-    assert moved.limiting_peg == 1 + int(moved.limiting_shares.argmax())
     turned = np.diag([0, 0, 0, 1e-3, 0, 0]) ** 2
     found = forecast(pl.Wheel(), budget=budget, hand_eye_covariance=turned, robot_repeatability=0.0)
     assert found.shares["hand-eye"] == pytest.approx((1e-3 * 500) ** 2, rel=0.1)
