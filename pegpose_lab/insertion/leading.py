@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .wheel import Wheel
 
 SWEEPS = 12  # over the pegs, of Hildreth's method
+SETTLED = 1e-4  # mm, of the displacement in a sweep
 LINEARISED = 2  # times: the chamfers are round
 
 
@@ -71,13 +72,16 @@ def led_in(
     heights = tops[..., 2] - hub.peg_radius * np.einsum("mni,mi->mn", outwards, axes[:, :2]) / axes[:, 2:]
     place = wheel.hole_centers / (wheel.pitch_circle_diameter / 2)
     turn = np.stack([-place[:, 1], place[:, 0]], axis=1)  # of a peg, by the wheel's turn
-    straight, passed = hub.peg_radius + wheel.clearance, np.ones(len(tops), bool)
+    straight, mouth = hub.peg_radius + wheel.clearance, hub.peg_radius + wheel.clearance + wheel.chamfer - excess
+    ahead = heights[:, :, None] - heights[:, None, :]  # of peg k (first) by peg j, mm
+    room = straight + np.maximum(wheel.chamfer - ahead, 0.0) - excess[:, None, :]
+    room = np.where(ahead > 0, room, np.inf)
+    out = length > mouth
+    passed = ~np.any(out & ~np.any(length[:, None, :] > room, axis=2), axis=1)  # else none is there to lead it
     for k in range(tops.shape[1]):
-        ahead = heights[:, k : k + 1] - heights
-        room = straight + np.maximum(wheel.chamfer - np.maximum(ahead, 0.0), 0.0) - excess
-        room = np.where(ahead > 0, room, np.inf)
-        moved = offsets + _displacement(offsets, room, turn)
-        passed &= np.linalg.norm(moved[:, k], axis=1) + excess[:, k] <= straight + wheel.chamfer
+        asked = np.flatnonzero(passed)
+        moved = offsets[asked, k] + _displacement(offsets[asked], room[asked, k], turn)[:, k]
+        passed[asked] = np.linalg.norm(moved, axis=1) <= mouth[asked, k]
     return passed
 
 
@@ -93,10 +97,13 @@ def _displacement(offsets, room, turn):
         sizes = np.maximum(np.sum(rows**2, axis=2), 1e-12)
         forces, shift = np.zeros(room.shape), np.zeros_like(shift)
         for _ in range(SWEEPS):
+            before = shift.copy()
             for j in range(room.shape[1]):
                 excess = np.sum(rows[:, j] * shift, axis=1) - limits[:, j]
                 force = np.maximum(forces[:, j] + excess / sizes[:, j], 0.0)
                 shift -= (force - forces[:, j])[:, None] * rows[:, j]
                 forces[:, j] = force
+            if np.max(np.abs(shift - before), initial=0.0) < SETTLED:
+                break
         moved = shift[:, None, :2] + shift[:, 2, None, None] * turn
     return moved

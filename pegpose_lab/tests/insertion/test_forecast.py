@@ -78,13 +78,8 @@ def test_rates_are_those_of_drawn_insertions():
 
 
 def test_drawn_insertions_are_those_of_single_wheels():
-    simulated(
-        10,
-        pl.Wheel(clearance=0.15, chamfer=0.2, position_tolerance=0.2),
-        plan(0.01),
-        np.random.default_rng(1),
-        singles=50,
-    )
+    wheel = pl.Wheel(clearance=0.15, chamfer=0.2, position_tolerance=0.2)
+    simulated(50, wheel, plan(0.01), np.random.default_rng(1), singles=50)
 
 
 def test_standard_errors_are_honest():
