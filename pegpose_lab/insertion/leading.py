@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 SWEEPS = 12  # over the pegs, of Hildreth's method
 SETTLED = 1e-4  # mm, of the displacement in a sweep
-LINEARISED = 2  # times: the chamfers are round
+CUTS = 3  # straight ones for the round limits
 
 
 def led_in(
@@ -87,23 +87,31 @@ def led_in(
 
 def _displacement(offsets, room, turn):
     """The least displacement of the pegs (m, n, 2) that brings their `offsets` to lengths of at most `room` (m, n)."""
-    shift = np.zeros((len(offsets), 3))
     moved = np.zeros_like(offsets)
-    for _ in range(LINEARISED):
+    rows, limits = np.zeros((len(offsets), 0, 3)), np.zeros((len(offsets), 0))
+    for _ in range(CUTS):  # tangents of the round limits, all of which are kept
         normals = offsets + moved
         normals = normals / np.maximum(np.linalg.norm(normals, axis=2), 1e-12)[..., None]
-        rows = np.concatenate([normals, np.sum(normals * turn, axis=2)[..., None]], axis=2)
-        limits = room - np.sum(normals * offsets, axis=2)
-        sizes = np.maximum(np.sum(rows**2, axis=2), 1e-12)
-        forces, shift = np.zeros(room.shape), np.zeros_like(shift)
-        for _ in range(SWEEPS):
-            before = shift.copy()
-            for j in range(room.shape[1]):
-                excess = np.sum(rows[:, j] * shift, axis=1) - limits[:, j]
-                force = np.maximum(forces[:, j] + excess / sizes[:, j], 0.0)
-                shift -= (force - forces[:, j])[:, None] * rows[:, j]
-                forces[:, j] = force
-            if np.max(np.abs(shift - before), initial=0.0) < SETTLED:
-                break
+        rows = np.concatenate(
+            [rows, np.concatenate([normals, np.sum(normals * turn, axis=2)[..., None]], axis=2)], axis=1
+        )
+        limits = np.concatenate([limits, room - np.sum(normals * offsets, axis=2)], axis=1)
+        shift = _least(rows, limits)
         moved = shift[:, None, :2] + shift[:, 2, None, None] * turn
     return moved
+
+
+def _least(rows, limits):
+    """The least vectors q (m, 3) with `rows` (m, k, 3) times q at most `limits` (m, k), by Hildreth's method."""
+    sizes = np.maximum(np.sum(rows**2, axis=2), 1e-12)
+    forces, shift = np.zeros(limits.shape), np.zeros((len(rows), 3))
+    for _ in range(SWEEPS):
+        before = shift.copy()
+        for j in range(limits.shape[1]):
+            excess = np.sum(rows[:, j] * shift, axis=1) - limits[:, j]
+            force = np.maximum(forces[:, j] + excess / sizes[:, j], 0.0)
+            shift -= (force - forces[:, j])[:, None] * rows[:, j]
+            forces[:, j] = force
+        if np.max(np.abs(shift - before), initial=0.0) < SETTLED:
+            break
+    return shift

