@@ -76,10 +76,10 @@ def led_in(
     ahead = heights[:, :, None] - heights[:, None, :]  # of peg k (first) by peg j, mm
     room = straight + np.maximum(wheel.chamfer - ahead, 0.0) - excess[:, None, :]
     room = np.where(ahead > 0, room, np.inf)
-    out = length > mouth
-    passed = ~np.any(out & ~np.any(length[:, None, :] > room, axis=2), axis=1)  # else none is there to lead it
+    led = np.any(length[:, None, :] > room, axis=2)
+    passed = ~np.any((length > mouth) & ~led, axis=1)
     for k in range(tops.shape[1]):
-        asked = np.flatnonzero(passed)
+        asked = np.flatnonzero(passed & led[:, k])
         moved = offsets[asked, k] + _displacement(offsets[asked], room[asked, k], turn)[:, k]
         passed[asked] = np.linalg.norm(moved, axis=1) <= mouth[asked, k]
     return passed
