@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .sections import STEEPEST
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -69,7 +71,8 @@ def led_in(
     excess = reach - length
     # a tilted top is met at its rim, on the side of the offset
     outwards = offsets / np.maximum(length, 1e-12)[..., None]
-    heights = tops[..., 2] - hub.peg_radius * np.einsum("mni,mi->mn", outwards, axes[:, :2]) / axes[:, 2:]
+    slopes = axes[:, :2] / np.maximum(axes[:, 2:], STEEPEST)
+    heights = tops[..., 2] - hub.peg_radius * np.einsum("mni,mi->mn", outwards, slopes)
     place = wheel.hole_centers / (wheel.pitch_circle_diameter / 2)
     turn = np.stack([-place[:, 1], place[:, 0]], axis=1)  # of a peg, by the wheel's turn
     straight, mouth = hub.peg_radius + wheel.clearance, hub.peg_radius + wheel.clearance + wheel.chamfer - excess

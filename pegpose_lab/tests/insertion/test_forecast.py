@@ -141,6 +141,12 @@ def test_the_limiting_peg():
     assert found.shares["hand-eye"] == pytest.approx((1e-3 * 500) ** 2, rel=0.1)
 
 
+def test_an_enormous_error_is_a_forecast_too():
+    found = forecast(pl.Wheel(), budget={"discs": np.diag([1e3, 1e3, 1e3, 2.0, 2.0, 2.0]) ** 2})
+    numbers = [*found.probabilities.values(), found.free_clearance, found.entry_clearance, found.variance]
+    assert np.isfinite(numbers).all() and found.probabilities["blocked"] > 0.9
+
+
 def test_it_is_fast():
     """20 ms of the processor's time; others may use it meanwhile."""
     wheel, times = pl.Wheel(position_tolerance=0.1), []
