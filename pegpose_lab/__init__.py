@@ -100,6 +100,11 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .handeye import HandEye as HandEye
     from .handeye import UncertainPose as UncertainPose
     from .handeye import calibrate_hand_eye as calibrate_hand_eye
+    from .insertion import AssemblyForecast as AssemblyForecast
+    from .insertion import Entry as Entry
+    from .insertion import Wheel as Wheel
+    from .insertion import assembly_forecast as assembly_forecast
+    from .insertion import peg_entry as peg_entry
     from .patterns import RingMark as RingMark
     from .patterns import RingPattern as RingPattern
     from .pegs import PegObservation as PegObservation
@@ -159,9 +164,14 @@ _HOME = {
     "board_poses": "calibration",
     "HubPose": "pose",
     "estimate_pose": "pose",
+    "AssemblyForecast": "insertion",
+    "Entry": "insertion",
     "HandEye": "handeye",
     "UncertainPose": "handeye",
+    "Wheel": "insertion",
+    "assembly_forecast": "insertion",
     "calibrate_hand_eye": "handeye",
+    "peg_entry": "insertion",
 }
 
 __all__ = sorted(_HOME)

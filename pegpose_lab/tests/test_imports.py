@@ -18,6 +18,7 @@ ORDER = (
     ("render",),
     ("segmentation", "corners", "circles", "discs"),
     ("pegs", "calibration", "pose", "handeye"),
+    ("insertion",),
     (
         "lab.calibrators",
         "lab.environment",
@@ -39,7 +40,7 @@ ORDER = (
     ("__main__",),
 )
 RANK = {room: rank for rank, rooms in enumerate(ORDER) for room in rooms}
-METHOD = [room for rooms in ORDER[:5] for room in rooms]
+METHOD = [room for rooms in ORDER[:6] for room in rooms]
 
 # Folders without a face: what is in them is imported by its own name, since some of it starts on a bare Python.
 CORRIDORS = ("lab", "lab.notebooks")

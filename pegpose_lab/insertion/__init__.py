@@ -1,0 +1,24 @@
+"""Insertion of a wheel on the pegs of a hub: its geometry, what is to be expected of it, and the forces of contact.
+
+`wheel` has the part, `sections` the exact geometry of tilted pegs in their holes, `entry` what each peg meets, `leading`
+how pegs in their chamfers lead the others, `causes` the covariances, `forecast` the probabilities, and `contact` wedging
+and jamming.
+"""
+
+from .contact import Contacts, can_wedge, jamming_load, two_point_contacts, wedging_depth
+from .entry import Entry, peg_entry
+from .forecast import AssemblyForecast, assembly_forecast
+from .wheel import Wheel
+
+__all__ = [
+    "AssemblyForecast",
+    "Contacts",
+    "Entry",
+    "Wheel",
+    "assembly_forecast",
+    "can_wedge",
+    "jamming_load",
+    "peg_entry",
+    "two_point_contacts",
+    "wedging_depth",
+]
