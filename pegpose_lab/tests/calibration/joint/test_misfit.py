@@ -192,16 +192,20 @@ def test_points_without_noise_are_not_judged():
 
 
 def test_real_views_of_the_opencv_sample_camera(pegpose_data):
-    """k1, k2, p1, p2 fit far better than Eq. 3 and move f by about 3 sigma; with them the lens is right, and the board bent."""
+    """k1, k2, p1, p2 fit far better than Eq. 3 and move f by about 3 classical sigmas, one of the stated ones, which allow
+    for errors that a view's corners share; with them the lens is right, and the board bent."""
     points, images, size = load_points("opencv_left")
     camera = TsaiCamera(1.0, (1, 1), ((size[0] - 1) / 2, (size[1] - 1) / 2), size)
-    (flag,) = calibrate_joint(points, images, camera).flags
+    poor = calibrate_joint(points, images, camera)
+    (flag,) = of_misfit(poor.flags)
     assert "with distortion by k1, k2" in flag
-    assert float(re.search(r"([.\d]+) of its stated sigmas", flag)[1]) == pytest.approx(3, abs=0.5)
+    factor = poor.sigma("focal_length") / np.sqrt(poor.classical_covariance.iloc[0, 0])
+    moved = float(re.search(r"([.\d]+) of its stated sigmas", flag)[1])
+    assert moved < 1.5 and moved * factor == pytest.approx(3, abs=0.5)
     options = {"focal": "two", "coefficients": ("k1", "k2", "p1", "p2")}
     zhang = calibrate_zhang(points, images, size, coefficients=options["coefficients"])
     for run in (zhang, calibrate_joint(points, images, camera, **options)):
-        (flag,) = run.flags
+        (flag,) = of_misfit(run.flags)
         assert flag.code == "misfit-board" and "with a bent board, warp_x = +0.04 mm, warp_y = -0.21 mm" in flag
     for half in (slice(0, None, 2), slice(1, None, 2)):  # the bow is the same in either half of the views
         run = calibrate_joint(points[half], images[half], camera, board=("warp",), **options)
