@@ -99,9 +99,10 @@ def locate_pegs(
         raise ValueError(f"previous is not a PegObservation of {n} pegs")
     if isinstance(hub, RingPattern):
         return _locate_ring(image, hub, radius_range, previous)
-    observation = None if previous is None else _followed_hub(image, hub, previous)
-    if observation is not None:
-        return observation
+    if previous is not None and min_area is None and threshold is None:
+        observation = _followed_hub(image, hub, previous)
+        if observation is not None:
+            return observation
     error = None
     for circles, says_what in _circles_of_parts(image, min_area, threshold):
         try:
