@@ -25,9 +25,8 @@ def _followed_hub(image, hub, previous):
     places = a * (np.vstack([previous.peg_centers, previous.bore_center, previous.screw_centers]) @ (1, 1j)) + b
     radii = abs(a) * np.concatenate([previous.peg_radii, [previous.bore_radius], previous.screw_radii])
     located = np.column_stack([places.real, places.imag, radii])
-    for screw in located[
-        hub.n_pegs + 1 :
-    ]:  # small, and deeper than the pegs: they may move otherwise by a part of a radius
+    # screws are small, and deeper than the pegs: they may move otherwise by a part of a radius
+    for screw in located[hub.n_pegs + 1 :]:
         place = _disc_near(image, screw[:2], screw[2], 1, SCREW_REACH)
         screw[:2] = screw[:2] if place is None else (place.real, place.imag)
     alike = sum(_screws_look_alike(shift, hub) for shift in range(hub.n_pegs))

@@ -57,7 +57,8 @@ def locate_pegs(
         another size or shape than its place asks for) is searched in the whole picture.  Labels hold
         up to turns of not quite half the angle between two equal labellings.
     min_area, threshold : float, optional
-        For a hub that is searched, as for `segment`; `min_area` has to be below the area of a screw (px).
+        For a hub, as for `segment`; `min_area` has to be below the area of a screw (px).  With one of them every frame is
+        segmented and searched: `previous` then decides the labels only.
 
     Returns
     -------
