@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 REMAP_LIMIT = 32_766  # px, longest side of what cv2.remap takes
+ASYMMETRY = 1e-6  # of a covariance in its own units: more than rounding, less than a mistake
 
 
 class DetectionError(RuntimeError):
@@ -184,6 +185,29 @@ def as_pose(pose: RigidTransform, name: str) -> RigidTransform:
     if not isinstance(pose, RigidTransform) or not pose.single:
         raise ValueError(f"{name} is {type(pose).__name__}; expected one scipy RigidTransform")
     return pose
+
+
+def as_covariance(covariance: ArrayLike, name: str, *, infinite: bool = True) -> NDArray[np.float64]:
+    """Return the covariance (6, 6) of a pose; it may be infinite on its diagonal if `infinite`.
+
+    Raises
+    ------
+    ValueError
+        If it is none: of another shape, not symmetric, or with a negative variance.
+    """
+    array = np.array(covariance, np.float64)
+    if array.shape != (6, 6) or np.isnan(array).any() or not (infinite or np.isfinite(array).all()):
+        kind = "" if infinite else "finite "
+        raise ValueError(f"{name} has shape {array.shape}; expected a {kind}covariance (6, 6) without NaN")
+    if np.isfinite(array).all():
+        units = np.sqrt(np.maximum(np.diag(array), 0.0))  # mm and rad are not compared with one another
+        scaled = array / np.where(units > 0, units, 1.0) / np.where(units > 0, units, 1.0)[:, None]
+        low = np.linalg.eigvalsh((scaled + scaled.T) / 2)[0]
+        if np.abs(scaled - scaled.T).max() > ASYMMETRY or low < -ASYMMETRY or (np.diag(array) < 0).any():
+            raise ValueError(
+                f"{name} is no covariance; expected a symmetric matrix (6, 6) without negative eigenvalues"
+            )
+    return array
 
 
 def as_views(

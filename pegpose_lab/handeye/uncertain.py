@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from ..checks import as_pose
+from ..checks import as_covariance, as_pose
+from ..pose import carried_motion
 from .adjust import cross
 
 if TYPE_CHECKING:
@@ -45,16 +46,7 @@ class UncertainPose:
     @classmethod
     def checked(cls, pose: RigidTransform, covariance: ArrayLike, name: str = "pose") -> UncertainPose:
         """The pose with a covariance that is (6, 6), finite, symmetric and not negative; ValueError otherwise."""
-        covariance = np.array(covariance, np.float64)
-        if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
-            raise ValueError(f"covariance of {name} has shape {covariance.shape}; expected (6, 6), finite")
-        size = np.sqrt(np.abs(np.diag(covariance)))
-        scaled = covariance / np.outer(*[np.where(size > 0, size, 1.0)] * 2)
-        if not np.allclose(scaled, scaled.T, atol=1e-6) or np.linalg.eigvalsh(scaled)[0] < -1e-6:
-            raise ValueError(
-                f"covariance of {name} is not one: expected a symmetric matrix without negative eigenvalues"
-            )
-        return cls(as_pose(pose, name), covariance)
+        return cls(as_pose(pose, name), as_covariance(covariance, f"covariance of {name}", infinite=False))
 
     @classmethod
     def exact(cls, pose: RigidTransform) -> UncertainPose:
@@ -69,8 +61,7 @@ class UncertainPose:
     def __mul__(self, other: UncertainPose) -> UncertainPose:
         """a_from_b times b_from_c, whose errors are independent."""
         turn = self.pose.rotation.as_matrix()
-        by_self, by_other = np.eye(6), np.zeros((6, 6))
-        by_self[:3, 3:] = -cross(turn @ other.pose.translation)
+        by_self, by_other = carried_motion(turn @ other.pose.translation), np.zeros((6, 6))
         by_other[:3, :3] = by_other[3:, 3:] = turn
         covariance = by_self @ self.covariance @ by_self.T + by_other @ other.covariance @ by_other.T
         return UncertainPose(self.pose * other.pose, covariance)

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..checks import CalibrationError, as_number
+from ..checks import CalibrationError, as_covariance, as_number
+from ..pose import carried_motion
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 # ISO 9283: RP is the mean distance from the mean attained position plus three standard deviations of that distance.  Of
 # normal errors of sigma per axis, the distance has the mean sqrt(8/pi) sigma and the variance (3 - 8/pi) sigma^2.
 RP_OF_SIGMA = float(np.sqrt(8 / np.pi) + 3 * np.sqrt(3 - 8 / np.pi))
-ASYMMETRY = 1e-6  # of a covariance's largest entry: more than rounding, less than a mistake
 
 
 def causes_of(
@@ -57,9 +57,7 @@ def causes_of(
         raise CalibrationError("the pose has no covariance: estimate it from pegs that were measured with sigmas")
     causes = {cause: as_covariance(cov, cause) for cause, cov in (pose.budget or {"pose": pose.covariance}).items()}
     if hand_eye_covariance is not None:
-        arm = pose.cam_from_hub.translation
-        carried = np.eye(6)
-        carried[:3, 3:] = np.cross(np.eye(3), arm).T  # turn x arm
+        carried = carried_motion(pose.cam_from_hub.translation)
         causes["hand-eye"] = carried @ as_covariance(hand_eye_covariance, "hand_eye_covariance") @ carried.T
     to_hub = np.kron(np.eye(2), pose.cam_from_hub.rotation.as_matrix().T)
     causes = {cause: _turned(to_hub, cov) for cause, cov in causes.items()}
@@ -72,28 +70,6 @@ def causes_of(
 def _turned(turn, covariance):
     """The covariance in other axes; an infinite one stays as it is."""
     return turn @ covariance @ turn.T if np.isfinite(covariance).all() else covariance
-
-
-def as_covariance(covariance: ArrayLike, name: str) -> NDArray[np.float64]:
-    """Return a covariance (6, 6), which may be infinite on its diagonal.
-
-    Raises
-    ------
-    ValueError
-        If it is none: of another shape, not symmetric, or with a negative variance.
-    """
-    array = np.asarray(covariance, np.float64)
-    if array.shape != (6, 6) or np.isnan(array).any():
-        raise ValueError(f"{name} has shape {array.shape}; expected a covariance (6, 6) without NaN")
-    if np.isfinite(array).all():
-        units = np.sqrt(np.maximum(np.diag(array), 0.0))  # mm and rad are not compared with one another
-        scaled = array / np.where(units > 0, units, 1.0) / np.where(units > 0, units, 1.0)[:, None]
-        low = np.linalg.eigvalsh((scaled + scaled.T) / 2)[0]
-        if np.abs(scaled - scaled.T).max() > ASYMMETRY or low < -ASYMMETRY or (np.diag(array) < 0).any():
-            raise ValueError(
-                f"{name} is no covariance; expected a symmetric matrix (6, 6) without negative eigenvalues"
-            )
-    return array
 
 
 def root_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:

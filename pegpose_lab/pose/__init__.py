@@ -15,9 +15,11 @@ from .chain import (
 )
 from .discs import project_discs
 from .hub import HubPose, estimate_pose
+from .uncertainty import carried_motion
 
 __all__ = [
     "HubPose",
+    "carried_motion",
     "estimate_pose",
     "hub_from_end_effector",
     "line_angle",

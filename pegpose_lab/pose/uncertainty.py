@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..camera import lens_covariance, lens_derivative
-from ..checks import as_count, as_number
+from ..checks import as_count, as_covariance, as_number
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,9 +60,7 @@ class Causes:
                 raise ValueError("plane_view needs a Calibration with poses and a covariance in place of the camera")
             plane_view = as_count(plane_view, "plane_view", 0, views - 1)
         if plane_covariance is not None:
-            plane_covariance = np.asarray(plane_covariance, np.float64)
-            if plane_covariance.shape != (6, 6) or not np.isfinite(plane_covariance).all():
-                raise ValueError(f"plane_covariance has shape {plane_covariance.shape}; expected (6, 6), finite")
+            plane_covariance = as_covariance(plane_covariance, "plane_covariance", infinite=False)
         return cls(calibration, plane, plane_view, plane_covariance, as_number(part_sigma, "part_sigma", 0))
 
 
@@ -98,10 +96,10 @@ def budget_of(fit: Fit, discs: Discs, noise: NDArray[np.float64], causes: Causes
         if causes.plane_view is not None:
             names += [f"{name}_{causes.plane_view}" for name in ("tx", "ty", "tz", "rx", "ry", "rz")]
             view = calibration.cam_from_object[causes.plane_view].translation
-            design = np.hstack([design, along @ _carried(fit.pose.translation - view)])
+            design = np.hstack([design, along @ carried_motion(fit.pose.translation - view)])
         budget["calibration"] = design @ calibration.covariance.loc[names, names].to_numpy() @ design.T
     if causes.plane_covariance is not None:
-        design = along @ _carried(fit.pose.translation - causes.plane.translation)
+        design = along @ carried_motion(fit.pose.translation - causes.plane.translation)
         budget["plane"] = design @ causes.plane_covariance @ design.T
     return budget
 
@@ -121,8 +119,14 @@ def _by_lens(fit, camera, own: pd.DataFrame):
     return fit.images.by_outline(outlines).reshape(3 * n, -1)
 
 
-def _carried(arm):
-    """The motion (6, 6) of a point at `arm` from a body's origin by the body's: shifts and rotation vectors."""
+def carried_motion(arm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The matrix (6, 6) from a small motion of a body, (shift, rotation vector), to that of its point at `arm` (3,).
+
+    Examples
+    --------
+    >>> (carried_motion(np.array([500.0, 0, 0])) @ [0, 0, 0, 0, 0, 1e-3]).tolist()  # 1 mrad about z, 500 mm along x
+    [0.0, 0.5, 0.0, 0.0, 0.0, 0.001]
+    """
     x, y, z = arm
     motion = np.eye(6)
     motion[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]  # turn x arm
