@@ -17,7 +17,7 @@ from ..circles import find_circles
 from ..discs import fit_discs
 from ..files import MEASURED_FOLDER
 from . import peers
-from .detectors import Found, Method, _opencv_hough
+from .detectors import Found, Method, _hough, _opencv_hough
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,13 +31,8 @@ VOTES = (10, 15, 20, 30, 40, 60, 80, 100)
 """The thresholds of votes (param2) from which the best one is chosen for each data set; 100 is OpenCV's default."""
 
 
-def _find(image, radius_range):
-    circles = find_circles(image, radius_range)
-    return Found(circles.centers, circles.radii)
-
-
 def _find_and_measure(image, radius_range):
-    """As `_find`, without the circles that `fit_discs` rejects."""
+    """The circles of `find_circles` without those that `fit_discs` rejects."""
     circles = find_circles(image, radius_range)
     keep = fit_discs(image, circles).usable
     return Found(circles.centers[keep], circles.radii[keep])
@@ -65,7 +60,7 @@ def count_by_methods() -> pd.DataFrame:
     for name, _, image, radii, polarity, known in study.pictures_of_discs():
         sets.setdefault(name, []).append((image if polarity == "bright" else 255 - image, radii, known))
     methods = {
-        "find_circles, default": Method("", _find, ""),
+        "find_circles, default": Method("", _hough, "", options={"method": "multiscale"}),
         "find_circles, then measured or partial by fit_discs": Method("", _find_and_measure, ""),
         "HoughCircles, OpenCV's defaults": _hough_with(100),
     }

@@ -71,11 +71,14 @@ class Halves:
         import pandas as pd
 
         z = {name[2:]: self.table[name].to_numpy() for name in self.table if name.startswith("z ")}
-        z["projection"] = (self.lengths / np.maximum(self.sigmas, ROUNDING)).ravel()
+        z["projection"] = self._in_sigmas().ravel()
         rows = [
             (name, np.sqrt(np.mean(values**2)), 100 * np.mean(np.abs(values) <= INSIDE)) for name, values in z.items()
         ]
         return pd.DataFrame(rows, columns=["parameter", "rms_z", "within"]).set_index("parameter")
+
+    def _in_sigmas(self):
+        return self.lengths / np.maximum(self.sigmas, ROUNDING)
 
     def map(self, quantity: str = "px") -> ImageMap:
         """The rms difference over the repeats, at each point of the image, in px or over what is expected.
@@ -91,7 +94,7 @@ class Halves:
         if as_choice(quantity, "quantity", ("px", "z")) == "px":
             values, label = self.lengths, "difference of halves (px)"
         else:
-            values, label = self.lengths / np.maximum(self.sigmas, ROUNDING), "difference of halves (sigmas)"
+            values, label = self._in_sigmas(), "difference of halves (sigmas)"
         return ImageMap.of_points(*self.grid, np.sqrt(np.mean(values**2, axis=0)), label)
 
 

@@ -11,7 +11,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -160,6 +160,10 @@ class Calibration:
         value, sigma = self.camera.parameters[name], self.sigma(name)
         half = float(stdtrit(self.freedom, (1 + as_number(level, "level", 0, 1, exclusive=True)) / 2)) * sigma
         return float(value - half), float(value + half)
+
+    def classical_sigma(self, name: str) -> float:
+        """As `sigma`, of `classical_covariance`."""
+        return replace(self, covariance=self.classical_covariance).sigma(name)
 
     @property
     def sigmas_from(self) -> str:

@@ -97,9 +97,15 @@ def _judged(found, camera, bow):
     """A row of `bent_board_trials` without its key."""
     warp = (found.board.values["warp_x"] - bow, found.sigma("warp_x")) if found.board else (np.nan, np.nan)
     codes = {flag.code for flag in found.flags}
-    classical = np.sqrt(found.classical_covariance.loc["focal_length", "focal_length"])
     f_error = found.camera.focal_length - camera.focal_length
-    return f_error, found.sigma("focal_length"), classical, *warp, "misfit-board" in codes, "clustered-sigmas" in codes
+    return (
+        f_error,
+        found.sigma("focal_length"),
+        found.classical_sigma("focal_length"),
+        *warp,
+        "misfit-board" in codes,
+        "clustered-sigmas" in codes,
+    )
 
 
 def summarize_bent_boards(trials: DataFrame) -> DataFrame:

@@ -137,7 +137,7 @@ def _judged(found, camera):
         if name not in found.covariance.index:
             continue
         error = value - camera.parameters[name]
-        classical = np.sqrt(found.classical_covariance.loc[name, name])
+        classical = found.classical_sigma(name)
         low, high = found.interval(name)
         holds = low < camera.parameters[name] < high
         yield name, error, found.sigma(name), classical, holds, abs(error) < 1.96 * classical, flagged

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -55,12 +56,12 @@ def interval_explorer(experiment: Experiment) -> Explorer:
         found, true = calibrations(bow, correlation), camera.focal_length
         stated = np.array([run.interval("focal_length") for run in found])
         middles = stated.mean(axis=1)
-        sigmas = [np.sqrt(run.classical_covariance.loc["focal_length", "focal_length"]) for run in found]
+        sigmas = [run.classical_sigma("focal_length") for run in found]
         classical = middles[:, None] + 1.96 * np.outer(sigmas, [-1, 1])
         picture[:] = _drawn(stated, classical, true)
         holds = [int(np.sum((low < true) & (true < high))) for low, high in (stated.T, classical.T)]
-        flags = {flag.code: flag for run in found for flag in run.flags}
-        told = "; ".join(f"{code} ({sum(code in map(_code, run.flags) for run in found)} of {DRAWS})" for code in flags)
+        codes = Counter(flag.code for run in found for flag in run.flags)
+        told = "; ".join(f"{code} ({number} of {DRAWS})" for code, number in codes.items())
         return (
             f"the truth is in {holds[0]} of {DRAWS} stated 95 % intervals, and in {holds[1]} of those for independent "
             f"errors;\nflags: {told or 'none'}"
@@ -75,10 +76,6 @@ def interval_explorer(experiment: Experiment) -> Explorer:
             "correlation": _slider(ipywidgets.IntSlider, "errors alike over (px)", 0, 0, 300, step=20, live=False),
         },
     )
-
-
-def _code(flag):
-    return flag.code
 
 
 def _blank():
