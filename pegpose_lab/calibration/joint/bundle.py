@@ -178,8 +178,7 @@ def minimise_robust(model: Lens, views: Views, state: State, loss: str) -> tuple
     """
     for _ in range(ROBUST_ROUNDS):
         distances = np.hypot(*np.moveaxis(evaluate(model, views, state)[0], -1, 0))
-        sigma = np.median(distances[views.used > 0]) / np.sqrt(2 * np.log(2))  # per axis, from a Rayleigh distribution
-        sigma = max(sigma, SMALLEST_RMS)
+        sigma = sigma_of(distances[views.used > 0])
         weights = robust_weights(distances / sigma, loss)[0] * views.used
         before = state
         state, equations = minimise(model, views, state, weights)
@@ -189,6 +188,11 @@ def minimise_robust(model: Lens, views: Views, state: State, loss: str) -> tuple
     raise CalibrationError(
         f"the {loss} loss found no minimum in {ROBUST_ROUNDS} rounds; look for views with many wrong corners"
     )
+
+
+def sigma_of(distances: NDArray[np.float64]) -> float:
+    """Standard deviation per axis from the median of some distances, as of a Rayleigh distribution."""
+    return max(float(np.median(distances)) / np.sqrt(2 * np.log(2)), SMALLEST_RMS)
 
 
 def robust_weights(scaled: NDArray[np.float64], loss: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

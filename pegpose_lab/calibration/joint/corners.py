@@ -9,7 +9,7 @@ import numpy as np
 from ...checks import CalibrationError
 from ...flags import Flag
 from ..planes import is_planar
-from .bundle import SMALLEST_RMS
+from .bundle import sigma_of
 from .fitting import fit_views
 from .models import COEFFICIENTS, EQUIDISTANT, FisheyeModel, lens_model
 from .noise import LEAST_POINTS, smooth_residuals
@@ -45,30 +45,21 @@ def wrong_corners(
     """
     distances = _distances(fit.model, fit.views, fit.state)
     used = fit.views.used > 0
-    if distances.max() <= WRONG * _sigma(distances[used]):
+    if distances.max() <= WRONG * sigma_of(distances[used]):
         return {}, fit
     try:
         robust = _robust(fit, object_points, image_points)
         distances = _distances(robust.model, robust.views, robust.state)
-        wrong = _few(distances > WRONG * _sigma(distances[used]), used)
+        wrong = _few(distances > WRONG * sigma_of(distances[used]), used)
         wrong &= _alone(wrong, distances, object_points, image_points)
         if not wrong.any():
             return {}, fit
-        kept = [~row[: len(points)] for row, points in zip(wrong, object_points, strict=True)]
-        rest = fit_views(fit.model, *without_corners(kept, object_points, image_points), loss)
+        found = {int(view): {} for view in np.flatnonzero(wrong.any(axis=1))}
+        for view, corner in np.argwhere(wrong):
+            found[int(view)][int(corner)] = float(distances[view, corner])
+        return found, fit_views(fit.model, *without_wrong(found, object_points, image_points), loss)
     except (CalibrationError, np.linalg.LinAlgError):  # too little remains, or the robust fit does not settle
         return {}, fit
-    found = {int(view): {} for view in np.flatnonzero(wrong.any(axis=1))}
-    for view, corner in np.argwhere(wrong):
-        found[int(view)][int(corner)] = float(distances[view, corner])
-    return found, rest
-
-
-def without_corners(
-    kept: Sequence[NDArray[np.bool_]], *lists: Sequence[NDArray[np.float64]]
-) -> list[list[NDArray[np.float64]]]:
-    """Lists of points with those rows only that are kept."""
-    return [[points[rows] for points, rows in zip(entries, kept, strict=True)] for entries in lists]
 
 
 def without_wrong(
@@ -76,7 +67,7 @@ def without_wrong(
 ) -> list[list[NDArray[np.float64]]]:
     """Lists of points without the corners that `wrong_corners` found."""
     kept = [~np.isin(np.arange(len(points)), list(wrong.get(view, ()))) for view, points in enumerate(lists[0])]
-    return without_corners(kept, *lists)
+    return [[points[rows] for points, rows in zip(entries, kept, strict=True)] for entries in lists]
 
 
 def judge_corners(fit: Fit, wrong: dict[int, dict[int, float]], rest: Fit, loss: str = "linear") -> Flag:
@@ -118,11 +109,6 @@ def _distances(model, views, state):
     return np.hypot(*np.moveaxis(evaluated[0], -1, 0)) * views.used
 
 
-def _sigma(distances):
-    """Standard deviation per axis from the median distance, as of a Rayleigh distribution."""
-    return max(np.median(distances) / np.sqrt(2 * np.log(2)), SMALLEST_RMS)
-
-
 def _few(wrong, used):
     """The wrong corners, or none if too many of some view are wrong: then the view is, and spoils the fit."""
     return wrong & bool(np.all(wrong.sum(axis=1) <= FEW * used.sum(axis=1)))
@@ -154,5 +140,5 @@ def stray_corners(object_points: NDArray[np.float64], image_points: NDArray[np.f
     if not far or kept.sum() < LEAST_POINTS:
         return {}
     off = np.linalg.norm(smooth_residuals(object_points, image_points, kept), axis=1)
-    least = WRONG * _sigma(off[kept])
+    least = WRONG * sigma_of(off[kept])
     return {corner: distance for corner, distance in far.items() if off[corner] > max(ALONE * distance, least)}

@@ -14,7 +14,7 @@ import numpy as np
 from ...checks import CalibrationError
 from ..planes import is_planar
 from .agreeing import agreeing_views, held_variances
-from .bundle import SMALLEST_RMS
+from .bundle import SMALLEST_RMS, sigma_of
 from .fitting import fit_views
 from .homographies import plane_rotations
 from .noise import own_noise
@@ -83,8 +83,7 @@ def _variances(fit, loss):
     residuals = evaluate(fit.model, fit.views, fit.state)[0] * fit.views.used[..., None]
     if loss != "linear":
         distances = np.hypot(*np.moveaxis(residuals, -1, 0))
-        middle = [np.median(row[used > 0]) for row, used in zip(distances, fit.views.used, strict=True)]
-        return np.square(middle) / (2 * np.log(2))
+        return np.square([sigma_of(row[used > 0]) for row, used in zip(distances, fit.views.used, strict=True)])
     counts = 2 * fit.views.used.sum(axis=1)
     freedom = np.maximum(counts - 6 - len(fit.model.names) * counts / counts.sum(), 1)
     return np.sum(residuals**2, axis=(1, 2)) / freedom
