@@ -94,9 +94,7 @@ def _ingredients(pixels, ellipse, log_s, extra=0):
 
 
 _KEPT = threading.local()
-MOST_KEPT = (
-    1_000_000  # numbers: fresh memory takes the system longer than the arithmetic, but is not kept for large fits
-)
+MOST_KEPT = 1_000_000  # numbers, not kept for large fits: fresh memory takes the system longer than the arithmetic
 
 
 def _layers(shape):
