@@ -110,8 +110,13 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .pegs import PegObservation as PegObservation
     from .pegs import locate_pegs as locate_pegs
     from .pegs import track_pegs as track_pegs
+    from .pose import Detection as Detection
     from .pose import HubPose as HubPose
     from .pose import estimate_pose as estimate_pose
+    from .pose import read_detection as read_detection
+    from .pose import read_pose_table as read_pose_table
+    from .pose import write_detection as write_detection
+    from .pose import write_pose_table as write_pose_table
     from .render import render_board as render_board
     from .render import render_hub as render_hub
     from .segmentation import Segmentation as Segmentation
@@ -162,8 +167,13 @@ _HOME = {
     "weakest_direction": "calibration",
     "board_pose": "calibration",
     "board_poses": "calibration",
+    "Detection": "pose",
     "HubPose": "pose",
     "estimate_pose": "pose",
+    "read_detection": "pose",
+    "read_pose_table": "pose",
+    "write_detection": "pose",
+    "write_pose_table": "pose",
     "AssemblyForecast": "insertion",
     "Entry": "insertion",
     "HandEye": "handeye",
