@@ -26,6 +26,7 @@ class Flag(str):
     short-of-optimum          the genetic algorithm stopped above the optimum of its box
     edge-of-box               the genetic algorithm's solution sits on the edge of its box
     drawn-not-found           the objective is the same everywhere: the solution is arbitrary
+    peg-not-measured          one of a hub's pegs is hidden, or its edge could not be measured
     bore-not-measured         the bore was found, but its edge could not be measured
     screw-not-measured        a screw was found, but its edge could not be measured
     place-missing             a place of the ring is empty

@@ -1,6 +1,7 @@
 """Labelled pegs of a hub, or discs of any ring, in an image, and in one frame after another: `locate_pegs`, `track_pegs`.
 
-For a `Hub` the steps are `candidates`, `rings`, `labels` and `measure`; `locate` and `track` lead through them.  A new
+For a `Hub` the steps are `candidates`, `rings`, `labels` and `measure`, with `hidden` for a peg that is not seen; `locate`
+and `track` lead through them.  A new
 rule for the labels belongs in `labels`.  With a frame before it, `moved` finds the discs' motion, and `follow` (of a ring
 `search`) measures them there.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +11,7 @@ from ..checks import DetectionError, as_image
 from ..patterns import RingPattern
 from .candidates import _circles_of_parts
 from .follow import _followed_hub
+from .hidden import LEAST_MEASURED, _rings_with_a_gap
 from .labels import _choose, _labellings, _nearest, _screw_places
 from .measure import _measure
 from .ring import _locate_ring
@@ -38,6 +40,8 @@ def locate_pegs(
     labellings (with four pegs and opposite screws the image is the same after half a turn), `previous`
     decides: the labels are those with which the pegs move least relative to their middle.  Without it the first
     screw is the one further left in the image, of two equally far left the upper one.
+
+    Of a hub of four or more pegs, one may be hidden or spoilt: the sizes, shapes and places of the others tell which.
 
     Of a `RingPattern` the places may be bright or dark, on any ground, and some may be empty.  Ellipses of like
     size, in the picture and its logarithm, vote for the pattern's image; a homography and one radius are then fitted to the
@@ -69,7 +73,7 @@ def locate_pegs(
     ValueError
         If an argument is unusable.
     DetectionError
-        If a part is missing or a peg's edge cannot be measured, screws fit more than one labelling, or the
+        If a part is missing or cannot be measured (of four or more pegs one may be), screws fit more than one labelling, or the
         hub turned so far since `previous` that the labels cannot be carried over.  For a ring, if more than `max_missing`
         places are empty, or the picture shows none; the message says what was seen.
 
@@ -104,14 +108,18 @@ def locate_pegs(
         observation = _followed_hub(image, hub, previous)
         if observation is not None:
             return observation
-    error = None
+    error, tried = None, []
     for circles, says_what in _circles_of_parts(image, min_area, threshold):
+        tried.append(circles)
         try:
             return _locate(image, circles, hub, previous)
         except DetectionError as reason:
             if says_what:
                 error = reason
-    raise error
+    observation = _locate_hidden(image, tried, hub, previous)
+    if observation is None:
+        raise error
+    return observation
 
 
 def _locate(image, circles, hub, previous):
@@ -120,11 +128,33 @@ def _locate(image, circles, hub, previous):
     if not rings:
         raise DetectionError(_missing_pegs(circles, hub))
     for ring in rings:
-        labellings = _labellings(image, circles, ring, hub)
-        if labellings:
-            chosen = _choose(labellings, circles, previous)
-            return _measure(image, circles, ring, chosen, hub, *_remaining(labellings, chosen, previous))
+        observation = _labelled(image, circles, ring, hub, previous)
+        if observation is not None:
+            return observation
     raise DetectionError(_missing_screws(circles, rings[0], hub))
+
+
+def _labelled(image, circles, ring, hub, previous):
+    """The observation of a ring; None if no screws label it."""
+    labellings = _labellings(image, circles, ring, hub)
+    if not labellings:
+        return None
+    chosen = _choose(labellings, circles, previous)
+    return _measure(image, circles, ring, chosen, hub, *_remaining(labellings, chosen, previous))
+
+
+def _locate_hidden(image, tried, hub, previous):
+    """The observation of a hub of four or more pegs one of which was not found in any of the sets of circles, or None."""
+    if hub.n_pegs <= LEAST_MEASURED:
+        return None
+    for circles in tried:
+        completed, rings = _rings_with_a_gap(circles, hub)
+        for ring in rings:
+            with suppress(DetectionError):
+                observation = _labelled(image, completed, ring, hub, previous)
+                if observation is not None:
+                    return observation
+    return None
 
 
 def _remaining(labellings, chosen, previous):

@@ -10,10 +10,8 @@ from ..discs import fit_discs
 from ..flags import Flag
 from .candidates import _as_circles
 from .edges import _ellipses, _fields_beside, _rims, _visible
-from .plane import _images
+from .hidden import LEAST_MEASURED, _peg_image, _seen_pegs
 from .rings import RADIUS_TOLERANCE
-
-SHAPE_TOLERANCE = 0.03  # of a peg's semi-axes, against what the other pegs' places make of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,10 +35,10 @@ class PegObservation:
     bore_center, bore_radius, bore_sigma : (2,) ndarray, float and (2,) ndarray
         px.
     flags : tuple of Flag
-        A sentence with a code for the bore and each screw that was found but could not be measured, "screw 2: edge
-        hidden" (the reasons are those of `fit_discs`, or "no disc there").  Centre and radius are then those of the
-        Hough transform (accurate to a pixel or two), the sigmas infinite.  A hub's pegs are always measured; of a ring
-        there may be more flags, see `Flag`.
+        A sentence with a code for each part that was found but could not be measured, "screw 2: edge
+        hidden" (the reasons are those of `fit_discs`, or "no disc there"), with infinite sigmas.  Centre and radius are
+        then those of the Hough transform (accurate to a pixel or two), those of a peg what the other pegs make
+        of it: one peg of four or more may be hidden.  Of a ring there may be more flags, see `Flag`.
     peg_covariances : (n_pegs, 2, 2) ndarray
         Of `peg_centers`, px^2; infinite for a missing one, whose centre is where the others have it.
     states : tuple of str
@@ -109,10 +107,13 @@ def _measured_parts(image, located, hub, labelled_by, turns=None):
     n, n_screws = hub.n_pegs, len(located) - hub.n_pegs - 1
     names = [f"peg {k + 1}" for k in range(n)] + ["bore"] + [f"screw {k + 1}" for k in range(n_screws)]
     parts, covariances, reasons, shapes = _fit_parts(image, located)
-    sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     _check_fits(reasons, names, n)
     homography = _homography(parts[:n, :2], hub)
-    _check_shapes(homography, shapes[:n], hub)
+    homography, reasons[:n] = _seen_pegs(homography, parts[:n], shapes[:n], reasons[:n], hub)
+    for peg in np.flatnonzero([bool(reason) for reason in reasons[:n]]):
+        parts[peg, :2], parts[peg, 2], shapes[peg] = _peg_image(homography, peg, hub)
+        covariances[peg] = np.diag([np.inf, np.inf])
+    sigmas = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     return PegObservation(
         peg_centers=parts[:n, :2],
         peg_radii=parts[:n, 2],
@@ -126,7 +127,7 @@ def _measured_parts(image, located, hub, labelled_by, turns=None):
         bore_sigma=sigmas[n],
         flags=_flags_of(names, reasons),
         peg_covariances=covariances[:n],
-        states=("measured",) * n,
+        states=tuple("missing" if reason else "measured" for reason in reasons[:n]),
         visible=_visible_rims(image, parts[:n, :2], shapes[:n]),
         homography=homography,
         labelled_by=labelled_by,
@@ -170,40 +171,27 @@ def _fit_parts(image, located):
 
 
 def _flags_of(names, reasons):
-    """A flag for each part that could not be measured; `_check_fits` lets no peg through."""
+    """A flag for each part that could not be measured."""
     flags = []
     for name, reason in zip(names, reasons, strict=True):
         text = f"{name}: {reason}"
         if reason and name == "bore":
             flags.append(Flag("bore-not-measured", text))
+        elif reason and name.startswith("peg"):
+            flags.append(Flag("peg-not-measured", text))
         elif reason:
             flags.append(Flag("screw-not-measured", text))
     return tuple(flags)
 
 
 def _check_fits(reasons, names, n_pegs):
-    """Raise if a peg could not be measured, or no screw."""
+    """Raise if more than one of four or more pegs could not be measured, or no screw."""
     failed = [f"{name} ({reason})" for name, reason in zip(names, reasons, strict=False) if reason]
-    if any(reasons[:n_pegs]) or all(reasons[n_pegs + 1 :]):
+    measured = sum(not reason for reason in reasons[:n_pegs])
+    if measured < max(n_pegs - 1, LEAST_MEASURED) or all(reasons[n_pegs + 1 :]):
         raise DetectionError(
-            f"{', '.join(failed)}: found, but the edge cannot be measured; clear the view of all pegs and of "
+            f"{', '.join(failed)}: found, but the edge cannot be measured; clear the view of the pegs and of "
             "a screw, soften the light, show the whole part"
-        )
-
-
-def _check_shapes(homography, shapes, hub):
-    """Raise if a peg's ellipse is not what the pegs' common homography makes of a peg.
-
-    A peg that is cut off along a straight line can look like a smaller ellipse; the other pegs show that it is not.
-    """
-    jacobians = hub.peg_radius * _images(homography, hub.peg_centers[:, :2])[1]
-    squares = np.linalg.solve(jacobians @ jacobians.transpose(0, 2, 1), shapes)
-    misfits = np.max(np.abs(np.sqrt(np.linalg.eigvals(squares).real) - 1), axis=1)
-    worst = int(np.argmax(misfits))
-    if misfits[worst] > (SHAPE_TOLERANCE if hub.n_pegs > 3 else RADIUS_TOLERANCE):
-        raise DetectionError(
-            f"peg {worst + 1} is {misfits[worst]:.0%} off the size or shape that follows from the other pegs: "
-            "something may hide part of it; clear the view, or check the hub's measures"
         )
 
 

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 from pegpose_lab.checks import DetectionError
 from pegpose_lab.paper import paper_experiment
 from pegpose_lab.pegs import locate_pegs, track_pegs
-from pegpose_lab.pegs.measure import _check_fits, _check_shapes, _flags_of, _homography
+from pegpose_lab.pegs.hidden import _seen_pegs
+from pegpose_lab.pegs.measure import _check_fits, _flags_of, _homography
 from pegpose_lab.pegs.rings import _rings_around
 from pegpose_lab.pose import estimate_pose
 from pegpose_lab.render import render_hub
@@ -137,15 +138,20 @@ def test_pegs_are_judged_by_their_neighbours():
     matrix = np.column_stack([x - origin, y - origin]) / 10  # affine: far from the camera
     centers = origin + hub.peg_centers[:, :2] @ matrix.T
     shapes = np.tile(hub.peg_radius**2 * matrix @ matrix.T, (4, 1, 1))
-    _check_shapes(_homography(centers, hub), shapes, hub)
+    parts = np.column_stack([centers, np.linalg.det(shapes) ** 0.25])
+    homography, whole = _homography(centers, hub), [""] * 4
+    assert _seen_pegs(homography, parts, shapes, whole, hub)[1] == whole
     for change in (np.diag([0.92, 0.92]), np.diag([1.0, 0.92]), np.diag([1.08, 1.0])):
         wrong = shapes.copy()
         wrong[2] = change @ wrong[2] @ change
+        by_others, reasons = _seen_pegs(homography, parts, wrong, whole, hub)
+        assert [bool(reason) for reason in reasons] == [False, False, True, False]
+        np.testing.assert_allclose(by_others / by_others[2, 2], homography / homography[2, 2], atol=0.01)
         with pytest.raises(DetectionError, match="peg 3 is"):
-            _check_shapes(_homography(centers, hub), wrong, hub)
+            _seen_pegs(homography, parts, wrong, ["", "edge hidden", "", ""], hub)
 
 
-def test_every_peg_and_a_screw_must_be_measured():
+def test_three_pegs_and_a_screw_must_be_measured():
     names = ["peg 1", "peg 2", "peg 3", "bore", "screw 1", "screw 2"]
     _check_fits(["", "", "", "chi2", "chi2", ""], names, 3)
     with pytest.raises(DetectionError, match=r"peg 3 \(no edge\)"):
@@ -166,8 +172,8 @@ def test_a_part_that_is_not_measured_has_a_flag_with_a_code():
 def test_missing_parts_are_named():
     pegs, screws, bore = truth(pose_of(0))
     image = rendered(0)
-    with pytest.raises(DetectionError, match="at most 3 of 4 pegs"):
-        locate_pegs(paint(image, pegs[1], 32, 62), HUB)
+    with pytest.raises(DetectionError, match="at most 2 of 4 pegs"):
+        locate_pegs(paint(paint(image, pegs[1], 32, 62), pegs[3], 32, 62), HUB)
     with pytest.raises(DetectionError, match="4 of 4 pegs and the bore, but 1 of 2 screws"):
         locate_pegs(paint(image, screws[1], 14, 62), HUB)
     with pytest.raises(DetectionError, match="of 4 pegs around a bore"):
