@@ -5,12 +5,14 @@ how pegs in their chamfers lead the others, `causes` the covariances, `forecast`
 and jamming.
 """
 
+from .causes import RP_OF_SIGMA
 from .contact import Contacts, can_wedge, jamming_load, two_point_contacts, wedging_depth
 from .entry import Entry, peg_entry
 from .forecast import AssemblyForecast, assembly_forecast
 from .wheel import Wheel
 
 __all__ = [
+    "RP_OF_SIGMA",
     "AssemblyForecast",
     "Contacts",
     "Entry",

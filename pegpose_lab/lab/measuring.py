@@ -39,6 +39,9 @@ MEASUREMENTS = {
     "disc_pulls": Measurement(
         "study.write_disc_pulls", ("disc_pulls",), "20 s", ("discocal-left", "robot-dots-10x10", "open3dv-dots")
     ),
+    "assemblies": Measurement(
+        "study.write_assemblies", ("pose_intervals", "insertion_rates", "chain_clearances"), "15 min"
+    ),
     "hand_eyes": Measurement(
         "study.write_hand_eyes", ("hand_eyes",), "20 s", ("visp_franka_eye_to_hand", "robot-dots-10x10")
     ),

@@ -4,6 +4,7 @@ Code that loads data, or repeats an experiment many times, is one file here.  A 
 one line in the table `calibration.CALIBRATION_METHODS`; a rival of the genetic algorithm alone is one in `baselines`.
 """
 
+from .assembly_trials import CHAINS
 from .baselines import DIFFERENTIAL_EVOLUTION, GENETIC, compare, search
 from .bent_boards import bent_board_trials, bowed_board, summarize_bent_boards, write_bent_boards
 from .circle_counts import match_circles, pictures_of_discs, write_circle_counts, write_screw_bits
@@ -13,6 +14,7 @@ from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write
 from .ga_success import REACHED, VARIANTS, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
 from .honest_intervals import correlated_noise, correlated_trials, write_split_halves
+from .insertion_rates import AXES, CELLS, curve_table, interval_table, rate_table, run_trials, write_assemblies
 from .measured import load_measured, made_by, write_measured
 from .opencv_corners import sub_pixel_corners
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
@@ -24,6 +26,9 @@ from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, 
 from .wide_views import views_over_image
 
 __all__ = [
+    "AXES",
+    "CELLS",
+    "CHAINS",
     "DIFFERENTIAL_EVOLUTION",
     "GENETIC",
     "GIVEN",
@@ -38,7 +43,9 @@ __all__ = [
     "correlated_trials",
     "count_below",
     "coverage",
+    "curve_table",
     "dataset",
+    "interval_table",
     "leave_one_out",
     "load_corners",
     "load_grid",
@@ -52,12 +59,15 @@ __all__ = [
     "printed_ratio",
     "radial_profile",
     "rayleigh_counts",
+    "rate_table",
+    "run_trials",
     "search",
     "sub_pixel_corners",
     "summarize_bent_boards",
     "trial_poses",
     "trial_sets",
     "views_over_image",
+    "write_assemblies",
     "write_bent_boards",
     "write_circle_counts",
     "write_disc_pulls",

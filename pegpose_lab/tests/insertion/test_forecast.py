@@ -8,7 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import binomtest
 
 import pegpose_lab as pl
-from pegpose_lab.insertion.causes import RP_OF_SIGMA
+from pegpose_lab.insertion import RP_OF_SIGMA
 from pegpose_lab.insertion.entry import MEETINGS, meeting_numbers
 from pegpose_lab.insertion.leading import led_in
 from pegpose_lab.insertion.sections import reaches
