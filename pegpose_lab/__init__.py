@@ -121,6 +121,8 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .render import render_hub as render_hub
     from .segmentation import Segmentation as Segmentation
     from .segmentation import segment as segment
+    from .servo import ServoRun as ServoRun
+    from .servo import visual_servo as visual_servo
     from .targets import Checkerboard as Checkerboard
     from .targets import Hub as Hub
 
@@ -182,6 +184,8 @@ _HOME = {
     "assembly_forecast": "insertion",
     "calibrate_hand_eye": "handeye",
     "peg_entry": "insertion",
+    "ServoRun": "servo",
+    "visual_servo": "servo",
 }
 
 __all__ = sorted(_HOME)

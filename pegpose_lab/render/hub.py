@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
-from ..checks import as_choice, as_count, as_number
+from ..checks import as_choice, as_count, as_number, as_pose
 from .discs import _bounding_box
 from .raycast import LATTICES, _cast, _dot, _offset, _View, expose
 
@@ -16,10 +17,11 @@ if TYPE_CHECKING:
     from typing import Any
 
     from numpy.typing import NDArray
-    from scipy.spatial.transform import RigidTransform
 
     from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
     from ..targets import Hub
+
+STEP = 0.5  # px, of the motion between two images that are averaged: a fraction of what the lens blurs
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,7 @@ def render_hub(
     highlights: float = 0.0,
     clutter: int = 0,
     occlusion: float = 0.0,
+    until: RigidTransform | None = None,
     rays: int = 34,
     rng: int | Sequence[int] | np.random.Generator | None = None,
 ) -> NDArray[Any]:
@@ -79,6 +82,9 @@ def render_hub(
         Number of bars and discs (swarf) that lie on the base and around the hub, under the pegs.
     occlusion : float
         Part of peg 1's diameter that a dark bar in front of it hides, 0..1.
+    until : RigidTransform, optional
+        cam_from_hub at the end of the exposure, of a hub that moves evenly from `cam_from_hub` to it: the image is the mean
+        of images along that motion, `STEP` px or less apart.
     rays : int
         Rays in a quarter of a pixel at an edge: with 34 the centre of a peg is accurate to about 5e-4 px, with 144, which
         take three times as long, to 1e-4 px.
@@ -107,14 +113,26 @@ def render_hub(
     """
     rng = np.random.default_rng(rng)
     blur = as_number(blur, "blur", 0, 100)
-    camera.project(np.vstack([hub.peg_centers, hub.screw_centers]), cam_from_hub)
-    view = _View(cam_from_hub)
-    if view.origin[2] >= 0:
-        raise ValueError("cam_from_hub shows the hub from below: its z axis has to point away from the camera")
+    poses = [cam_from_hub] if until is None else _exposed_poses(camera, cam_from_hub, as_pose(until, "until"), hub)
+    for pose in poses:
+        camera.project(np.vstack([hub.peg_centers, hub.screw_centers]), pose)
+        if _View(pose).origin[2] >= 0:
+            raise ValueError("cam_from_hub shows the hub from below: its z axis has to point away from the camera")
     spots = _place_spots(hub, as_number(highlights, "highlights", 0), rng)
     swarf = _place_swarf(hub, as_count(clutter, "clutter", 0, 10_000), rng)
     covered = as_number(occlusion, "occlusion", 0, 1)
     rays = as_choice(rays, "rays", LATTICES)
+
+    image = 0.0
+    for pose in poses:
+        shade = _shader(_View(pose), hub, look, spots, swarf, covered)
+        box = _bounding_box(camera, pose, hub, swarf, margin=int(5 * blur) + 3)
+        image = image + _cast(camera, shade, blur, box, look.background, rays)
+    return expose(image if until is None else image / np.float32(len(poses)), noise, rng)
+
+
+def _shader(view, hub, look, spots, swarf, covered):
+    """The function from directions (2, n) to what these rays meet: grey values and parts (n,)."""
 
     def shade(directions):
         top, base = view.on_plane(directions, 0.0), view.on_plane(directions, hub.peg_height)
@@ -125,8 +143,19 @@ def render_hub(
         _cover(top, hub, covered, look, grey, part)
         return grey, part
 
-    box = _bounding_box(camera, cam_from_hub, hub, swarf, margin=int(5 * blur) + 3)
-    return expose(_cast(camera, shade, blur, box, look.background, rays), noise, rng)
+    return shade
+
+
+def _exposed_poses(camera, start, end, hub):
+    """Poses in the middles of equal parts of the exposure, in each of which no peg's rim moves more than `STEP`."""
+    motion = (end * start.inv()).as_exp_coords()
+    around = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    reach = hub.pitch_circle_diameter / 2 + hub.peg_radius
+    rim = reach * np.column_stack([np.cos(around), np.sin(around), np.zeros(16)])
+    along = [RigidTransform.from_exp_coords(share * motion) * start for share in np.linspace(0, 1, 5)]
+    images = np.array([camera.project(rim, pose) for pose in along])
+    parts = max(1, int(np.ceil(np.linalg.norm(np.diff(images, axis=0), axis=2).sum(axis=0).max() / STEP)))
+    return [RigidTransform.from_exp_coords((k + 0.5) / parts * motion) * start for k in range(parts)]
 
 
 # ---- what a ray meets: each function changes `grey` and `part` in place, from the back to the front ----

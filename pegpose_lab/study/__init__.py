@@ -22,6 +22,7 @@ from .real_hand_eyes import write_hand_eyes
 from .real_rings import write_real_rings
 from .sector_corners import load_sector_corners, write_sector_corners
 from .segmented_parts import write_parts
+from .servo_runs import servo_table, write_servo_runs
 from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, write_rendered_trials
 from .wide_views import views_over_image
 
@@ -62,6 +63,7 @@ __all__ = [
     "rate_table",
     "run_trials",
     "search",
+    "servo_table",
     "sub_pixel_corners",
     "summarize_bent_boards",
     "trial_poses",
@@ -81,6 +83,7 @@ __all__ = [
     "write_screw_bits",
     "write_sector_corners",
     "write_sensitivity",
+    "write_servo_runs",
     "write_split_halves",
     "write_success",
     "write_two_stage_counts",

@@ -164,6 +164,13 @@ def run_trials(
         A row for each insertion and outcome: cell, tilt (deg), clearance (mm), outcome, promised (a probability), came.
     needs : DataFrame
         A row for each insertion without a tilt: cell, chain, need (mm of clearance to go in freely).
+
+    Examples
+    --------
+    >>> from pegpose_lab import study
+    >>> errors, insertions, needs = study.run_trials(seeds=1, frames=1, workers=1, progress=False)
+    >>> sorted(set(needs["cell"]))
+    ['exact robot', 'industrial robot']
     """
     of_middle = run_frame(N_FRAMES // 2, range(1))
     example = next(trial for trial in of_middle if (trial.chain, trial.free) == (JOINT, False))
@@ -188,6 +195,12 @@ def interval_table(errors: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         scene, chain, free, quantity ("tilt" counts both axes), trials; rms error and rms stated sigma (um, thousandths of
         a degree); held, %; peg_error, rms in um, of all quantities the same.
+
+    Examples
+    --------
+    >>> from pegpose_lab import study
+    >>> study.load_measured("pose_intervals")["quantity"].unique().tolist()
+    ['x', 'y', 'z', 'tilt', 'theta']
     """
     stated, rows = errors[errors["x_sigma"].notna() & errors["chain"].isin([ZHANG, JOINT])], []
     for (scene, chain, free), group in stated.groupby(["scene", "chain", "free"], sort=True):
@@ -210,6 +223,13 @@ def rate_table(insertions: pd.DataFrame) -> pd.DataFrame:
     -------
     DataFrame
         cell, tilt (deg), clearance (mm), outcome, runs, promised, came, low, high (%).
+
+    Examples
+    --------
+    >>> from pegpose_lab import study
+    >>> row = {"cell": "robot", "tilt": 0.0, "clearance": 0.1, "outcome": "free", "promised": 0.5}
+    >>> study.rate_table(pd.DataFrame([row | {"came": True}, row | {"came": False}]))["came"].tolist()
+    [50.0]
     """
     rows = []
     for key, group in insertions.groupby(["cell", "tilt", "clearance", "outcome"], sort=True):
@@ -229,6 +249,13 @@ def curve_table(needs: pd.DataFrame) -> pd.DataFrame:
     DataFrame
         cell, chain, clearance (mm), share; the row of each chain with share `NEEDED` is that clearance, the others have
         the shares of `CURVE`.
+
+    Examples
+    --------
+    >>> from pegpose_lab import study
+    >>> needs = pd.DataFrame({"cell": "robot", "chain": "joint", "need": np.arange(1, 1001) / 1000})
+    >>> study.curve_table(needs)["clearance"].iloc[-1]
+    0.999
     """
     rows = []
     for (cell, chain), group in needs.groupby(["cell", "chain"], sort=True):

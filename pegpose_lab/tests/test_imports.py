@@ -18,7 +18,7 @@ ORDER = (
     ("render",),
     ("segmentation", "corners", "circles", "discs"),
     ("pegs", "calibration", "pose", "handeye"),
-    ("insertion",),
+    ("insertion", "servo"),
     (
         "lab.calibrators",
         "lab.environment",
