@@ -107,6 +107,7 @@ if TYPE_CHECKING:  # for tools; a name is loaded on its first use
     from .insertion import peg_entry as peg_entry
     from .patterns import RingMark as RingMark
     from .patterns import RingPattern as RingPattern
+    from .pegs import LostFrame as LostFrame
     from .pegs import PegObservation as PegObservation
     from .pegs import locate_pegs as locate_pegs
     from .pegs import track_pegs as track_pegs
@@ -151,6 +152,7 @@ _HOME = {
     "BoardCorners": "corners",
     "find_corners": "corners",
     "locate_board": "corners",
+    "LostFrame": "pegs",
     "PegObservation": "pegs",
     "locate_pegs": "pegs",
     "track_pegs": "pegs",

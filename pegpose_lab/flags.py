@@ -27,11 +27,13 @@ class Flag(str):
     edge-of-box               the genetic algorithm's solution sits on the edge of its box
     drawn-not-found           the objective is the same everywhere: the solution is arbitrary
     peg-not-measured          one of a hub's pegs is hidden, or its edge could not be measured
+    motion-blur               the hub moved during the exposure
     bore-not-measured         the bore was found, but its edge could not be measured
     screw-not-measured        a screw was found, but its edge could not be measured
     place-missing             a place of the ring is empty
     place-contradicted        a place of the ring has a rim that is not that of the ring's discs
-    labels-undecided          the ring looks the same after a turn, and nothing says which is right
+    labels-over-gap           labels were carried over frames in which the hub was not found
+    labels-undecided          the hub or ring looks the same after a turn, and nothing says which is right
     two-poses                 another pose, tilted the other way, explains the pegs nearly as well
     rival-ring                other rings in the picture fit the pattern nearly as well
     further-disc              like discs lie on the ring between its places

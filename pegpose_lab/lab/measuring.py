@@ -42,6 +42,7 @@ MEASUREMENTS = {
     "assemblies": Measurement(
         "study.write_assemblies", ("pose_intervals", "insertion_rates", "chain_clearances"), "15 min"
     ),
+    "moving_hub": Measurement("study.write_moving_hub", ("moving_hub",), "3 min"),
     "servo_runs": Measurement("study.write_servo_runs", ("servo_runs", "servo_steps"), "6 min"),
     "hand_eyes": Measurement(
         "study.write_hand_eyes", ("hand_eyes",), "20 s", ("visp_franka_eye_to_hand", "robot-dots-10x10")

@@ -20,10 +20,12 @@ turns          the labels: marks, the frame before, or nothing
 
 from .locate import locate_pegs
 from .measure import PegObservation
-from .track import track_pegs
+from .track import LostFrame, largest_turn, track_pegs
 
 __all__ = [
+    "LostFrame",
     "PegObservation",
+    "largest_turn",
     "locate_pegs",
     "track_pegs",
 ]

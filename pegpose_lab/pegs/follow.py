@@ -34,7 +34,7 @@ def _followed_hub(image, hub, previous):
         observation = _measured_parts(image, located, hub, "mark" if alike == 1 else "previous frame")
     except DetectionError:
         return None
-    return None if observation.flags else observation
+    return observation if _has_all_parts(observation, hub) else None
 
 
 def _has_all_parts(previous, hub):

@@ -11,6 +11,7 @@ from ..flags import Flag
 from .candidates import _as_circles
 from .edges import _ellipses, _fields_beside, _rims, _visible
 from .hidden import LEAST_MEASURED, _peg_image, _seen_pegs
+from .motion_blur import _motion_blur
 from .rings import RADIUS_TOLERANCE
 
 
@@ -56,6 +57,9 @@ class PegObservation:
         The labellings that remain possible: ``peg_centers[turn]``; the first changes nothing.
     rivals : tuple of (3, 3) ndarray
         Homographies of other rings that fit the pattern nearly as well.
+    motion_blur : float
+        Rms length, px, of the pegs' motion during the exposure, as the widths of a hub's rims tell it; 0 where they tell of
+        none (see the flag "motion-blur").  Centres are those of the middle of the exposure.
 
     Examples
     --------
@@ -90,6 +94,7 @@ class PegObservation:
     labelled_by: str = "nothing"
     turns: np.ndarray | None = None
     rivals: tuple[np.ndarray, ...] = ()
+    motion_blur: float = 0.0
 
 
 # ---- measuring ----
@@ -107,9 +112,15 @@ def _measured_parts(image, located, hub, labelled_by, turns=None):
     n, n_screws = hub.n_pegs, len(located) - hub.n_pegs - 1
     names = [f"peg {k + 1}" for k in range(n)] + ["bore"] + [f"screw {k + 1}" for k in range(n_screws)]
     parts, covariances, reasons, shapes = _fit_parts(image, located)
-    _check_fits(reasons, names, n)
-    homography = _homography(parts[:n, :2], hub)
-    homography, reasons[:n] = _seen_pegs(homography, parts[:n], shapes[:n], reasons[:n], hub)
+    blur = _motion_blur(image, parts[:n, :2], shapes[:n], [not reason for reason in reasons[:n]])
+    try:
+        _check_fits(reasons, names, n)
+        homography = _homography(parts[:n, :2], hub)
+        homography, reasons[:n] = _seen_pegs(homography, parts[:n], shapes[:n], reasons[:n], hub)
+    except DetectionError as error:
+        if blur is None:
+            raise
+        raise DetectionError(f"{error}; {_told(blur)}") from error
     for peg in np.flatnonzero([bool(reason) for reason in reasons[:n]]):
         parts[peg, :2], parts[peg, 2], shapes[peg] = _peg_image(homography, peg, hub)
         covariances[peg] = np.diag([np.inf, np.inf])
@@ -125,13 +136,14 @@ def _measured_parts(image, located, hub, labelled_by, turns=None):
         bore_center=parts[n, :2],
         bore_radius=float(parts[n, 2]),
         bore_sigma=sigmas[n],
-        flags=_flags_of(names, reasons),
+        flags=_flags_of(names, reasons) + ((Flag("motion-blur", _told(blur)),) if blur else ()),
         peg_covariances=covariances[:n],
         states=tuple("missing" if reason else "measured" for reason in reasons[:n]),
         visible=_visible_rims(image, parts[:n, :2], shapes[:n]),
         homography=homography,
         labelled_by=labelled_by,
         turns=np.arange(n)[None] if turns is None else turns,
+        motion_blur=blur or 0.0,
     )
 
 
@@ -167,6 +179,14 @@ def _fit_parts(image, located):
         np.where(measured[:, None, None], discs.covariance[:, :2, :2], np.diag([np.inf, np.inf])),
         [str(reason) for reason in reasons],
         axes @ axes.transpose(0, 2, 1),
+    )
+
+
+def _told(blur):
+    """The sentence of the flag "motion-blur"."""
+    return (
+        f"the hub moved by about {blur:.1f} px during the exposure: centres and pose are those of its middle, and errors of "
+        "one or two hundredths of the motion are not in their sigmas; expose shorter, or move slower"
     )
 
 

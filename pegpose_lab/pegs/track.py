@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..checks import DetectionError
+from ..flags import Flag
+from ..patterns import RingPattern
+from .design import _design
+from .labels import CLEAR_TURN, _screws_look_alike
 from .locate import locate_pegs
 
 if TYPE_CHECKING:
@@ -12,9 +19,60 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from ..patterns import RingPattern
     from ..targets import Hub
     from .measure import PegObservation
+
+
+@dataclass(frozen=True)
+class LostFrame:
+    """A frame in which the hub was not found; it counts as false.
+
+    Attributes
+    ----------
+    number : int
+        Of the frame, counted from 1.
+    reason : str
+        What `locate_pegs` said.
+
+    Examples
+    --------
+    >>> lost = LostFrame(3, "found 0 discs")
+    >>> bool(lost), lost.number, lost.reason
+    (False, 3, 'found 0 discs')
+    """
+
+    number: int
+    reason: str
+
+    def __bool__(self) -> bool:
+        return False
+
+
+def largest_turn(equal_labellings: int) -> float:
+    r"""Largest turn, rad, of a hub from one frame to the next over which its labels are carried.
+
+    A turn by an angle a moves the pegs by :math:`2 R \sin(a / 2)`, and the next labelling of m equal ones, as much the other
+    way, by :math:`2 R \sin(\pi / m - a / 2)`: the labels are carried while the first is less than 0.8 of the second.
+    A turn beyond :math:`2 \pi / m` less that limit is taken for one in the other direction.
+
+    Parameters
+    ----------
+    equal_labellings : int
+        2 for opposite screws on four pegs; 1 if the screws or marks decide, and no turn is too large.
+
+    Returns
+    -------
+    float
+
+    Examples
+    --------
+    >>> round(float(np.degrees(largest_turn(2))), 1), round(float(np.degrees(largest_turn(4))), 1)
+    (77.3, 39.7)
+    """
+    if equal_labellings == 1:
+        return float(np.pi)
+    apart = np.pi / equal_labellings
+    return float(2 * np.arctan2(CLEAR_TURN * np.sin(apart), 1 + CLEAR_TURN * np.cos(apart)))
 
 
 def track_pegs(
@@ -25,8 +83,14 @@ def track_pegs(
     previous: PegObservation | None = None,
     min_area: float | None = None,
     threshold: float | None = None,
-) -> Iterator[PegObservation]:
+) -> Iterator[PegObservation | LostFrame]:
     """Track the pegs: locate them in one frame after another and carry the labels over.
+
+    A frame in which the hub is not found gives a `LostFrame`, and the hub is searched again in the next.  Labels that
+    several turns leave open are carried from the last frame in which it was found, however often it turns: from one such
+    frame to the next by `largest_turn` at most (77 degrees, for opposite screws on four pegs).  A larger turn is not told
+    from a smaller one in the other direction; over lost frames the labels have the flag "labels-over-gap".  Where the
+    turn is so near to half-way that it cannot be told, the labels begin anew, with the flag "labels-undecided".
 
     Parameters
     ----------
@@ -36,13 +100,13 @@ def track_pegs(
 
     Yields
     ------
-    PegObservation
+    PegObservation or LostFrame
+        One for each frame.
 
     Raises
     ------
-    ValueError, DetectionError
-        As `locate_pegs` does; the message names the frame, counted from 1.  To go on after it, call
-        `locate_pegs` on the next frame with the last observation.
+    ValueError
+        If an argument or a frame is unusable.
 
     Examples
     --------
@@ -57,11 +121,40 @@ def track_pegs(
     >>> [observation.peg_centers[0].round().tolist() for observation in pl.track_pegs(frames, hub)]
     [[111.0, 119.0], [114.0, 110.0]]
     """
+    options = {"radius_range": radius_range, "min_area": min_area, "threshold": threshold}
+    last = 0  # the frame in which it was last found
     for number, frame in enumerate(frames, 1):
         try:
-            previous = locate_pegs(
-                frame, hub, radius_range=radius_range, previous=previous, min_area=min_area, threshold=threshold
-            )
+            observation = _next(frame, hub, previous, options)
         except DetectionError as error:
-            raise DetectionError(f"frame {number}: {error}") from error
-        yield previous
+            yield LostFrame(number, str(error))
+            continue
+        if previous is not None and last < number - 1 and observation.labelled_by == "previous frame":
+            observation = _flagged(observation, "labels-over-gap", (
+                f"labels were carried over {number - 1 - last} lost frames: they are right if the hub turned by less than "
+                f"{np.degrees(largest_turn(_equal_labellings(hub))):.0f} degrees meanwhile"
+            ))  # fmt: skip
+        previous, last = observation, number
+        yield observation
+
+
+def _next(frame, hub, previous, options):
+    """The observation with the labels of the frame before; where these cannot be told, labelled anew."""
+    try:
+        return locate_pegs(frame, hub, previous=previous, **options)
+    except DetectionError as error:
+        if previous is None:
+            raise
+        observation = locate_pegs(frame, hub, **options)
+        return _flagged(observation, "labels-undecided", f"labels begin anew: {error}")
+
+
+def _equal_labellings(hub):
+    """How many turns of the hub, or of the ring without its marks, look the same."""
+    if isinstance(hub, RingPattern):
+        return len(_design(hub).turns)
+    return sum(_screws_look_alike(shift, hub) for shift in range(hub.n_pegs))
+
+
+def _flagged(observation, code, text):
+    return replace(observation, flags=(*observation.flags, Flag(code, text)))

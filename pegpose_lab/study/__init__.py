@@ -16,6 +16,7 @@ from .held_out import coverage, leave_one_out, radial_profile
 from .honest_intervals import correlated_noise, correlated_trials, write_split_halves
 from .insertion_rates import AXES, CELLS, curve_table, interval_table, rate_table, run_trials, write_assemblies
 from .measured import load_measured, made_by, write_measured
+from .moving_hub import moving_hub_table, write_moving_hub
 from .opencv_corners import sub_pixel_corners
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
 from .real_hand_eyes import write_hand_eyes
@@ -56,6 +57,7 @@ __all__ = [
     "made_by",
     "match_circles",
     "monte_carlo",
+    "moving_hub_table",
     "pictures_of_discs",
     "printed_ratio",
     "radial_profile",
@@ -77,6 +79,7 @@ __all__ = [
     "write_hand_eyes",
     "write_left_corners",
     "write_measured",
+    "write_moving_hub",
     "write_parts",
     "write_real_rings",
     "write_rendered_trials",

@@ -254,7 +254,7 @@ def curve_table(needs: pd.DataFrame) -> pd.DataFrame:
     --------
     >>> from pegpose_lab import study
     >>> needs = pd.DataFrame({"cell": "robot", "chain": "joint", "need": np.arange(1, 1001) / 1000})
-    >>> study.curve_table(needs)["clearance"].iloc[-1]
+    >>> float(study.curve_table(needs)["clearance"].iloc[-1])
     0.999
     """
     rows = []

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ..pose import HubPose
 
 GOAL_DEPTH = 400.0  # mm
-TAUGHT = 4  # frames
+TAUGHT = 16  # frames
 CORNER_SIGMA = 0.03  # px, of the calibration's simulated corners: what `find_corners` reaches on rendered boards
 MARGIN = 3.0  # px between hub and image border, in the fast mode, with less than which the hub is not found
 MODEL_FRAMES = 40  # rendered for the noise model

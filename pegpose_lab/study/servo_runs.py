@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 STARTS, RENDERED_STARTS, SWEPT = 1000, 20, 100
 TOLERANCE = (0.1, 0.05)  # mm, deg
+CONFIDENCE = 0.999  # that a run which says "reached" is inside: of 1,000 runs one may not be
 HAND_EYE = (5.0, 3.0)  # mm and deg: sigma per axis of the hand-eye error of a run, far worse than a calibrated robot's
 BIASES = (0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0)  # deg
 TOLERANCES = (0.2, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005)  # mm
@@ -62,6 +63,7 @@ def servo_run(
     run = visual_servo(
         cell.observe, cell.move, cell.goal,
         goal_covariance=cell.goal_covariance, symmetry=HALF_TURN, gain=gain, distance=distance, angle=angle,
+        confidence=CONFIDENCE,
     )  # fmt: skip
     rest = remaining(cell.place, goal_pose(), HALF_TURN)
     off, turn = np.linalg.norm(rest[:3]), np.linalg.norm(rest[3:])

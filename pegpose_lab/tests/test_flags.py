@@ -24,6 +24,6 @@ def test_a_flag_is_its_sentence_and_has_a_code():
 def test_every_code_that_is_given_is_explained():
     package = Path(pegpose_lab.__file__).parent
     sources = "".join(path.read_text() for path in package.rglob("*.py") if "tests" not in path.parts)
-    given = set(re.findall(r'Flag\("([\w-]+)"', sources))
+    given = set(re.findall(r'[fF]lag(?:ged)?\((?:observation, )?"([\w-]+)"', sources))
     explained = set(re.findall(r"^    ([a-z-]+)  +\w", Flag.__doc__, re.MULTILINE))
     assert len(given) > 8 and given | {"unknown"} == explained

@@ -111,8 +111,10 @@ def test_a_small_run():
 
 
 def test_the_measured_rates_are_as_promised():
-    """Of the committed tables: at least 93 % of the promised rates lie in the Wilson 95 % intervals of what came."""
+    """Committed: of an industrial robot in the Wilson intervals; of an exact one, which needs a few um, within 5 points."""
     rates = study.load_measured("insertion_rates")
     assert (rates["runs"] >= 200).all()
     inside = (rates["promised"] >= rates["low"]) & (rates["promised"] <= rates["high"])
-    assert inside.mean() >= 0.9
+    industrial = rates["cell"] == "industrial robot"
+    assert industrial.sum() == 18 and inside[industrial].mean() > 0.94
+    assert (np.abs(rates["promised"] - rates["came"])[~industrial] < 5.0).all()

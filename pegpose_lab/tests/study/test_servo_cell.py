@@ -21,7 +21,7 @@ def test_starts_are_within_the_stated_ranges():
     for seed in range(500):
         pose = start_pose(goal_pose(), np.random.default_rng(seed))
         tilts.append(np.degrees((pose.rotation.inv() * goal_pose().rotation).as_rotvec(), dtype=float))
-    assert np.linalg.norm(np.array(tilts)[:, :2], axis=1).max() < 16 and np.abs(np.array(tilts)[:, 2]).max() < 41
+    assert np.linalg.norm(np.array(tilts)[:, :2], axis=1).max() < 16 and np.abs(np.array(tilts)[:, 2]).max() < 42
 
 
 def test_the_fast_mode_is_as_noisy_as_rendered_frames():
@@ -73,10 +73,10 @@ def test_a_hub_out_of_the_image_is_refused():
 
 
 def test_the_measured_runs_end_inside_or_with_a_reason():
-    """Of the committed table: every start ends in one of the outcomes, and at most 5 % of those reached are outside."""
+    """Of the committed table: every run ends in one of the outcomes, and at most one in 200 of those reached is outside."""
     table = study.load_measured("servo_runs")
     outcomes = table[list(servo_runs.OUTCOMES)]
     assert (outcomes.sum(axis=1) == table["runs"]).all()
-    assert (table["false"] <= 0.05 * table["reached"]).all()
-    starts = table[table["case"].isin(["starts", "rendered"])]
-    assert (starts["reached"] == starts["runs"]).all()
+    assert (table["false"] <= 0.005 * table["reached"]).all()
+    starts = table[table["case"].isin(["starts", "rendered"]) & (table["noise"] == 2.0)]
+    assert (starts["reached"] >= 0.99 * starts["runs"]).all()
