@@ -106,15 +106,16 @@ def _displacement(offsets, room, turn):
 
 def _least(rows, limits):
     """The least vectors q (m, 3) with `rows` (m, k, 3) times q at most `limits` (m, k), by Hildreth's method."""
-    sizes = np.maximum(np.sum(rows**2, axis=2), 1e-12)
-    forces, shift = np.zeros(limits.shape), np.zeros((len(rows), 3))
+    rows, limits = np.ascontiguousarray(rows.transpose(1, 2, 0)), np.ascontiguousarray(limits.T)  # one limit after the other
+    sizes = np.maximum((rows**2).sum(axis=1), 1e-12)
+    forces, shift = np.zeros(limits.shape), np.zeros((3, rows.shape[2]))
     for _ in range(SWEEPS):
         before = shift.copy()
-        for j in range(limits.shape[1]):
-            excess = np.sum(rows[:, j] * shift, axis=1) - limits[:, j]
-            force = np.maximum(forces[:, j] + excess / sizes[:, j], 0.0)
-            shift -= (force - forces[:, j])[:, None] * rows[:, j]
-            forces[:, j] = force
+        for row, limit, size, force in zip(rows, limits, sizes, forces, strict=True):
+            excess = row[0] * shift[0] + row[1] * shift[1] + row[2] * shift[2] - limit
+            change = np.maximum(force + excess / size, 0.0) - force
+            shift -= change * row
+            force += change
         if np.max(np.abs(shift - before), initial=0.0) < SETTLED:
             break
-    return shift
+    return shift.T

@@ -23,6 +23,7 @@ from .real_hand_eyes import write_hand_eyes
 from .real_rings import write_real_rings
 from .sector_corners import load_sector_corners, write_sector_corners
 from .segmented_parts import write_parts
+from .servo_cell import frame_at
 from .servo_runs import servo_table, write_servo_runs
 from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, write_rendered_trials
 from .wide_views import views_over_image
@@ -47,6 +48,7 @@ __all__ = [
     "coverage",
     "curve_table",
     "dataset",
+    "frame_at",
     "interval_table",
     "leave_one_out",
     "load_corners",

@@ -24,12 +24,16 @@ from ..pose import estimate_pose, project_discs
 from ..render import render_hub
 
 if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
     from ..camera import TsaiCamera
     from ..pose import HubPose
 
 GOAL_DEPTH = 400.0  # mm
 TAUGHT = 16  # frames
-CORNER_SIGMA = 0.03  # px, of the calibration's simulated corners: what `find_corners` reaches on rendered boards
+CORNER_SIGMA = 0.002  # px for each grey value of noise: what `find_corners` reaches on rendered boards
 MARGIN = 3.0  # px between hub and image border, in the fast mode, with less than which the hub is not found
 MODEL_FRAMES = 40  # rendered for the noise model
 PARTS_SIGMA = 0.3  # px, of bore and screws in the fast mode
@@ -71,8 +75,7 @@ def noise_model(noise: float) -> NoiseModel:
     for seed in range(MODEL_FRAMES):
         rng = np.random.default_rng([seed, 7])
         pose = start_pose(goal_pose(), rng)
-        image = render_hub(experiment.camera, pose, experiment.hub, blur=experiment.blur, noise=noise, rng=rng)
-        found = locate_pegs(image, experiment.hub)
+        found = locate_pegs(frame_at(pose, noise, rng), experiment.hub)
         turned = pose * RigidTransform.from_rotation(Rotation.from_rotvec([0, 0, np.pi]))
         centers = min(
             (_peg_images(experiment, p)[0] for p in (pose, turned)), key=lambda c: np.abs(c - found.peg_centers).max()
@@ -81,6 +84,18 @@ def noise_model(noise: float) -> NoiseModel:
         errors.append(root * (found.peg_centers - centers))
         sigmas.append(root * found.peg_sigmas)
     return NoiseModel(*(float(np.sqrt(np.mean(np.square(values)))) for values in (errors, sigmas)))
+
+
+def frame_at(cam_from_hub: RigidTransform, noise: float, rng: int | np.random.Generator) -> NDArray[Any]:
+    """Render the hub at a pose, seen by the paper's camera.
+
+    Examples
+    --------
+    >>> frame_at(goal_pose(), 2.0, 0).shape
+    (1200, 1600)
+    """
+    experiment = paper_experiment()
+    return render_hub(experiment.camera, cam_from_hub, experiment.hub, blur=experiment.blur, noise=noise, rng=rng)
 
 
 def goal_pose() -> RigidTransform:
@@ -132,7 +147,7 @@ class Cell:
         experiment = self.experiment
         board = experiment.board.object_points
         corners = [experiment.camera.project(board, pose) for pose in experiment.cam_from_boards]
-        seen = [points + CORNER_SIGMA * self.rng.standard_normal(points.shape) for points in corners]
+        seen = [points + CORNER_SIGMA * self.noise * self.rng.standard_normal(points.shape) for points in corners]
         return calibrate_joint([board] * 5, seen, experiment.camera.sensor).camera
 
     def _taught(self):
@@ -151,11 +166,7 @@ class Cell:
         return _turned_to(pose, goal_pose())
 
     def _in_frame(self):
-        experiment = self.experiment
-        image = render_hub(
-            experiment.camera, self.place, experiment.hub, blur=experiment.blur, noise=self.noise, rng=self.rng
-        )
-        return locate_pegs(image, experiment.hub)
+        return locate_pegs(frame_at(self.place, self.noise, self.rng), self.experiment.hub)
 
     def _drawn(self):
         """What `locate_pegs` would give, by the noise model."""

@@ -12,6 +12,7 @@ from .circles import circle_explorer
 from .explorer import show
 from .genetic import genetic_explorer
 from .hub import hub_explorer
+from .insertion import insertion_explorer
 from .intervals import interval_explorer
 from .threshold import threshold_explorer
 
@@ -19,6 +20,7 @@ __all__ = [
     "circle_explorer",
     "genetic_explorer",
     "hub_explorer",
+    "insertion_explorer",
     "interval_explorer",
     "show",
     "threshold_explorer",

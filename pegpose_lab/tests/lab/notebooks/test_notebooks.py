@@ -43,6 +43,7 @@ def test_all_steps_are_there():
         "09_uncertainty",
         "10_real_parts",
         "11_other_tools",
+        "12_assembly",
     } <= {path.stem for path in NOTEBOOKS}
 
 
