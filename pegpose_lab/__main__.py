@@ -195,6 +195,27 @@ def _measure(options):
     return measuring.measure(options.names, folder)
 
 
+def _run(options):
+    """Calibrate from a folder of images and find the part in it; without a folder, from rendered sample images."""
+    from pathlib import Path
+
+    from .own_images import run_folder, write_sample
+
+    folder = options.folder
+    if folder is None:
+        folder = Path.cwd() / "pegpose_sample"
+        print(f"Rendering sample images into {folder}.", flush=True)
+        write_sample(folder)
+    try:
+        found = run_folder(folder, output=options.output)
+    except ValueError as error:
+        print(error, file=sys.stderr)
+        return 1
+    print(found.summary())
+    print("\nwritten:", *found.files, sep="\n  ")
+    return 0 if found.calibration is not None else 1
+
+
 # --- command line -------------------------------------------------------------------------------
 
 COMMANDS = {
@@ -203,6 +224,7 @@ COMMANDS = {
     "test": _test,
     "bench": _bench,
     "measure": _measure,
+    "run": _run,
     "lab": _lab,
 }
 

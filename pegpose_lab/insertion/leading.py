@@ -106,7 +106,10 @@ def _displacement(offsets, room, turn):
 
 def _least(rows, limits):
     """The least vectors q (m, 3) with `rows` (m, k, 3) times q at most `limits` (m, k), by Hildreth's method."""
-    rows, limits = np.ascontiguousarray(rows.transpose(1, 2, 0)), np.ascontiguousarray(limits.T)  # one limit after the other
+    rows, limits = (
+        np.ascontiguousarray(rows.transpose(1, 2, 0)),
+        np.ascontiguousarray(limits.T),
+    )  # one limit after the other
     sizes = np.maximum((rows**2).sum(axis=1), 1e-12)
     forces, shift = np.zeros(limits.shape), np.zeros((3, rows.shape[2]))
     for _ in range(SWEEPS):

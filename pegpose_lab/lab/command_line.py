@@ -90,6 +90,17 @@ def _parser(checkout):
     measure.add_argument("names", nargs="*", type=measuring.known, metavar="NAME", help="one of the names below")
     _add_output(measure, checkout, "write DIR/data/measured (default: the checkout)")
 
+    run = commands.add_parser(
+        "run",
+        help="calibrate from your own images, find your part in them, and write a report",
+        description="Find the board in the images of a folder, calibrate the camera, find the part in its frames, and "
+        "write calibration (OpenCV, ROS), poses (CSV, ROS) and one HTML report into FOLDER/pegpose. FOLDER/pegpose.yaml "
+        "describes board and part in three lines. Without FOLDER, sample images are rendered into ./pegpose_sample and used. "
+        "A run that was interrupted goes on where it stopped.",
+    )
+    run.add_argument("folder", nargs="?", type=_folder, metavar="FOLDER", help="images and pegpose.yaml")
+    run.add_argument("--output", type=_folder, metavar="DIR", help="where to write (default: FOLDER/pegpose)")
+
     lab = commands.add_parser(
         "lab",
         help="open JupyterLab on the notebooks",

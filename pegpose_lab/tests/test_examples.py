@@ -12,7 +12,7 @@ from pegpose_lab.files import PROJECT_FOLDER
 PACKAGE = PROJECT_FOLDER / "pegpose_lab"
 FACES = (
     "calibration", "camera", "circles", "corners", "discs", "handeye", "insertion", "patterns", "pegs", "pose", "render",
-    "segmentation", "servo", "targets", "paper", "study",
+    "segmentation", "servo", "targets", "paper", "study", "own_images",
 )  # fmt: skip
 MODULES = sorted(
     ".".join(path.relative_to(PROJECT_FOLDER).with_suffix("").parts).removesuffix(".__init__")

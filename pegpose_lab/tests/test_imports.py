@@ -32,7 +32,7 @@ ORDER = (
     ),
     ("paper", "paper.claims", "paper.diagrams"),
     ("study",),
-    ("bench",),
+    ("bench", "own_images"),
     ("lab.widgets", "lab.front_page"),
     ("lab.notebooks.agreement", "lab.notebooks.testing", "lab.notebooks.exploring"),
     ("lab.notebooks.running", "lab.notebooks.processors", "lab.measuring"),

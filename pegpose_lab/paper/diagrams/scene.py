@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from ..experiment import Experiment
+    from .. import Experiment
 
 WHEEL_BEFORE = 55.0  # mm between wheel and pegs, as drawn
 WHEEL_THICKNESS = 15.0  # mm

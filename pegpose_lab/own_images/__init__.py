@@ -1,0 +1,12 @@
+"""Your own images: a folder of photographs in, a calibration, poses and one report out.
+
+`description` reads what board and part are, `reading` reads any image, `boards` finds corners, `frames` tracks the part,
+`report` writes the page, `sample` renders images to try it with, and `folder` leads through them.
+"""
+
+from .description import Description, read_description
+from .folder import FolderRun, run_folder
+from .reading import Picture, read_picture
+from .sample import write_sample
+
+__all__ = ["Description", "FolderRun", "Picture", "read_description", "read_picture", "run_folder", "write_sample"]

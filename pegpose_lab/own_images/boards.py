@@ -1,0 +1,136 @@
+"""The corners in each image of a board: found once, kept, and found again only if the image or the board changes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from joblib import Parallel, delayed
+from tqdm import tqdm
+
+from ..checks import DetectionError
+from ..corners import locate_board
+from ..files import replacing
+from .reading import read_picture
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from ..targets import Checkerboard
+
+LEAST_CORNERS = 12  # of a view that is used: its pose alone has six parameters
+
+
+@dataclass(frozen=True, eq=False)
+class BoardImage:
+    """What was found in one image of the board.
+
+    Attributes
+    ----------
+    path : Path
+    fate : str
+        What became of it, in a sentence.
+    size : (int, int) or None
+        Width and height, px; None if it could not be read.
+    index : (n,) ndarray of int
+        Which corners of the board are seen.
+    corners : (n, 2) ndarray
+        px.
+    used : bool
+        Whether the calibration uses it.
+    """
+
+    path: Path
+    fate: str
+    size: tuple[int, int] | None = None
+    index: NDArray[np.int64] | None = None
+    corners: NDArray[np.float64] | None = None
+    used: bool = False
+
+
+def find_boards(
+    paths: list[Path], board: Checkerboard, kept: Path, *, workers: int, progress: bool
+) -> list[BoardImage]:
+    """Find the corners in all images; what is in the folder `kept` of an earlier run is not searched again.
+
+    Of images of several sizes, those of the most frequent one are used.
+    """
+    jobs = (delayed(_found)(path, board, kept) for path in paths)
+    done = Parallel(n_jobs=workers, return_as="generator")(jobs)
+    found = list(tqdm(done, total=len(paths), unit="image", desc="boards", disable=not progress))
+    return _of_one_size(found)
+
+
+def _of_one_size(found):
+    """The images with those marked as used whose size most have."""
+    sizes = Counter(one.size for one in found if one.corners is not None)
+    if not sizes:
+        return found
+    (size, _), *others = sizes.most_common()
+    marked = []
+    for one in found:
+        if one.corners is None:
+            marked.append(one)
+        elif one.size != size:
+            fate = f"{one.fate}; not used: it has {one.size[0]} x {one.size[1]} px, most have {size[0]} x {size[1]}"
+            marked.append(replace(one, fate=fate))
+        elif len(one.index) < LEAST_CORNERS:
+            marked.append(replace(one, fate=f"{one.fate}; not used: fewer than {LEAST_CORNERS} corners"))
+        else:
+            marked.append(replace(one, used=True))
+    return marked
+
+
+def _found(path, board, kept):
+    """The corners of an image, from the file of an earlier run if that is of the same image and board."""
+    store = kept / f"{_key(path, board)}.json"
+    if store.is_file():
+        try:
+            return _from_store(path, json.loads(store.read_text(encoding="utf-8")))
+        except (ValueError, KeyError, TypeError):  # damaged: it is made again
+            pass
+    found = _searched(path, board)
+    with replacing(store) as temporary:
+        temporary.write_text(json.dumps(_to_store(found)), encoding="utf-8")
+    return found
+
+
+def _key(path, board):
+    """A name that changes with the image and the board."""
+    status = path.stat()
+    what = f"{path.name} {status.st_size} {status.st_mtime_ns} {board!r}"
+    return hashlib.sha256(what.encode()).hexdigest()[:16]
+
+
+def _searched(path, board):
+    try:
+        picture = read_picture(path)
+    except (ValueError, OSError) as error:
+        return BoardImage(path, f"not read: {error}")
+    notes = "".join(f" ({note})" for note in picture.notes)
+    try:
+        seen = locate_board(picture.image, board)
+    except (DetectionError, ValueError) as error:
+        return BoardImage(path, f"no board{notes}: {error}", picture.size)
+    count = len(board.object_points)
+    return BoardImage(path, f"{len(seen.index)} of {count} corners{notes}", picture.size, seen.index, seen.image_points)
+
+
+def _to_store(found):
+    size = None if found.size is None else list(found.size)
+    corners = None if found.corners is None else found.corners.tolist()
+    index = None if found.index is None else found.index.tolist()
+    return {"fate": found.fate, "size": size, "index": index, "corners": corners}
+
+
+def _from_store(path, values):
+    size = None if values["size"] is None else tuple(values["size"])
+    if values["corners"] is None:
+        return BoardImage(path, values["fate"], size)
+    return BoardImage(path, values["fate"], size, np.array(values["index"]), np.reshape(values["corners"], (-1, 2)))

@@ -1,0 +1,175 @@
+"""The report: one page with every image's fate, the calibration with its intervals, and the poses."""
+
+from __future__ import annotations
+
+import base64
+import html
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from .reading import read_picture
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from ..calibration import Calibration
+    from .boards import BoardImage
+    from .frames import Frame
+
+WIDTH = 420  # px, of a thumbnail
+MOST_SHOWN = 24  # thumbnails of boards, and of frames: the first ones
+GREEN, ORANGE, BLUE = (115, 158, 0), (0, 94, 213), (178, 114, 0)  # the project's colours, in OpenCV's order
+STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 64rem; padding: 0 1rem; color: #222; }
+h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #ddd; }
+table { border-collapse: collapse; display: block; overflow-x: auto; }
+td, th { padding: .25rem .75rem .25rem 0; text-align: left; }
+th { border-bottom: 1px solid #999; } td.number { text-align: right; font-variant-numeric: tabular-nums; }
+.images { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: 1rem; }
+figure { margin: 0; break-inside: avoid; } figure img { width: 100%; height: auto; }
+figcaption { font-size: .85rem; color: #444; }
+.flag { background: #fff4e5; border-left: 4px solid #D55E00; padding: .5rem 1rem; }
+"""
+
+
+def as_html(
+    boards: Sequence[BoardImage], calibration: Calibration | None, why_not: str, frames: Sequence[Frame]
+) -> str:
+    """The page as a text: no script, nothing that is fetched from elsewhere."""
+    parts = [
+        "<!doctype html>",
+        '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">',
+        f"<title>PegPose Lab report</title><style>{STYLE}</style></head><body>",
+        "<h1>Camera and part</h1>",
+        _summary(boards, calibration, why_not, frames),
+        "<h2>Camera</h2>",
+        _camera(calibration, why_not),
+        "<h2>Images of the board</h2>",
+        _fates([(one.path.name, one.fate) for one in boards]),
+    ]
+    if any(one.used for one in boards):
+        parts += [_coverage(boards), _gallery([_board_thumbnail(one) for one in boards if one.used][:MOST_SHOWN])]
+    if frames:
+        parts += ["<h2>Frames of the part</h2>", _poses(frames), _fates([(one.path.name, one.fate) for one in frames])]
+        parts.append(_gallery([_frame_thumbnail(one) for one in frames if one.observation is not None][:MOST_SHOWN]))
+    return "\n".join([*parts, "</body></html>\n"])
+
+
+def _summary(boards, calibration, why_not, frames):
+    used, posed = sum(one.used for one in boards), sum(one.pose is not None for one in frames)
+    camera = f"not calibrated: {_text(why_not)}"
+    if calibration:
+        camera = f"rms {calibration.rms:.3f} px" if calibration.residuals else "the camera is given"
+    told = f"; the pose of the part is known in {posed} of {len(frames)} frames" if frames else ""
+    return f"<p>{used} of {len(boards)} images of the board are used ({camera}){told}.</p>"
+
+
+def _text(text):
+    return html.escape(str(text))
+
+
+def _table(header, rows, numbers=()):
+    cells = "".join(f"<th>{_text(name)}</th>" for name in header)
+    body = ""
+    for row in rows:
+        body += "<tr>" + "".join(
+            f'<td class="number">{_text(value)}</td>' if column in numbers else f"<td>{_text(value)}</td>"
+            for column, value in enumerate(row)
+        ) + "</tr>"  # fmt: skip
+    return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _camera(calibration, why_not):
+    """The parameters with their 95 % intervals, and the flags."""
+    if calibration is None:
+        return f'<p class="flag">{_text(why_not)}</p>'
+    values = calibration.camera.parameters
+    rows = []
+    for name in values:
+        if calibration.covariance is not None and name in calibration.covariance:
+            low, high = calibration.interval(name)
+            rows.append([name, f"{values[name]:.6g}", f"{low:.6g} to {high:.6g}"])
+        else:
+            rows.append([name, f"{values[name]:.6g}", "kept as given"])
+    flags = "".join(f'<p class="flag"><b>{_text(flag.code)}</b>: {_text(flag)}</p>' for flag in calibration.flags)
+    return _table(["parameter", "value", "95 % interval"], rows, (1, 2)) + flags
+
+
+def _fates(rows):
+    return _table(["image", "what became of it"], rows)
+
+
+def _coverage(boards):
+    """Where in the image the corners lie."""
+    used = [one for one in boards if one.used]
+    width, height = used[0].size
+    scale = WIDTH / width
+    canvas = np.full((max(1, round(scale * height)), WIDTH, 3), 245, np.uint8)
+    for one in used:
+        for x, y in scale * one.corners:
+            cv2.circle(canvas, (round(x), round(y)), 2, BLUE, -1, cv2.LINE_AA)
+    count = sum(len(one.corners) for one in used)
+    caption = f"All {count} corners of the images that are used. Empty parts of the image are not calibrated."
+    return _gallery([(canvas, caption, "Map of the corners in the image")])
+
+
+def _board_thumbnail(one):
+    canvas, scale = _shrunk(one.path)
+    for x, y in scale * one.corners:
+        cv2.circle(canvas, (round(x), round(y)), 3, GREEN, 1, cv2.LINE_AA)
+    return canvas, f"{one.path.name}: {one.fate}", f"Board with its corners, {one.path.name}"
+
+
+def _frame_thumbnail(frame):
+    canvas, scale = _shrunk(frame.path)
+    seen = frame.observation
+    for number, (center, radius, state) in enumerate(
+        zip(seen.peg_centers, seen.peg_radii, seen.states, strict=True), 1
+    ):
+        color = GREEN if state == "measured" else ORANGE
+        x, y = (scale * center).round().astype(int).tolist()
+        cv2.circle(canvas, (x, y), max(1, round(scale * radius)), color, 2, cv2.LINE_AA)
+        cv2.putText(canvas, str(number), (x - 4, y + 5), cv2.FONT_HERSHEY_SIMPLEX, 0.5, color, 1, cv2.LINE_AA)
+    return canvas, f"{frame.path.name}: {frame.fate}", f"Part with its discs, {frame.path.name}"
+
+
+def _shrunk(path) -> tuple[NDArray[np.uint8], float]:
+    image = read_picture(path).image
+    scale = WIDTH / image.shape[1]
+    small = cv2.resize(image, (WIDTH, max(1, round(scale * image.shape[0]))), interpolation=cv2.INTER_AREA)
+    return cv2.cvtColor(small, cv2.COLOR_GRAY2BGR), scale
+
+
+def _gallery(images):
+    shown = ""
+    for canvas, caption, alternative in images:
+        data = base64.b64encode(cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, 85])[1]).decode("ascii")
+        shown += (
+            f'<figure><img alt="{_text(alternative)}" src="data:image/jpeg;base64,{data}">'
+            f"<figcaption>{_text(caption)}</figcaption></figure>"
+        )
+    return f'<div class="images">{shown}</div>'
+
+
+def _poses(frames):
+    """Place and turn in each frame, with their standard deviations."""
+    rows = []
+    for frame in frames:
+        if frame.pose is None:
+            continue
+        pose = frame.pose
+        sigmas = np.sqrt(np.diag(pose.covariance)) if pose.covariance is not None else np.full(6, np.nan)
+        place = [
+            f"{value:.3f} ± {sigma:.3f}" for value, sigma in zip(pose.cam_from_hub.translation, sigmas, strict=False)
+        ]
+        rows.append([frame.path.name, *place, f"{np.degrees(pose.theta):.3f}", f"{pose.rms:.3f}"])
+    if not rows:
+        return "<p>No frame has a pose.</p>"
+    header = ["frame", "x (mm)", "y (mm)", "z (mm)", "theta (deg)", "rms (px)"]
+    return "<p>Place of the part in the camera's frame, ± one standard deviation.</p>" + _table(
+        header, rows, range(1, 6)
+    )

@@ -1,0 +1,209 @@
+"""A folder of images, good and bad, to calibration, poses, files and report."""
+
+import struct
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+import pegpose_lab as pl
+from pegpose_lab.own_images import Description, read_description, read_picture, run_folder, write_sample
+from pegpose_lab.own_images import boards as board_images
+from pegpose_lab.paper import paper_experiment
+
+
+@pytest.fixture(scope="module")
+def sample(tmp_path_factory):
+    return write_sample(tmp_path_factory.mktemp("sample"))
+
+
+@pytest.fixture(scope="module")
+def run(sample):
+    return run_folder(sample, workers=1, progress=False)
+
+
+def with_orientation(jpeg, orientation):
+    """The bytes of a JPEG file with an EXIF orientation."""
+    tiff = b"II*\x00\x08\x00\x00\x00" + struct.pack("<H", 1) + struct.pack("<HHII", 0x112, 3, 1, orientation) + bytes(4)
+    block = b"Exif\x00\x00" + tiff
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block + jpeg[2:]
+
+
+# ---- the sample ----
+
+
+def test_the_sample_gives_camera_and_poses(run):
+    experiment = paper_experiment()
+    low, high = run.calibration.interval("f_x")
+    true = experiment.camera.focal_length / experiment.camera.pixel_pitch[0]
+    assert abs(run.calibration.camera.parameters["f_x"] / true - 1) < 2e-4 and low < high
+    assert all(one.used for one in run.boards) and len(run.boards) == 5
+    from pegpose_lab.own_images.sample import FRAMES
+
+    for number, frame in zip(FRAMES, run.frames, strict=True):
+        off = frame.pose.cam_from_hub.translation - experiment.cam_from_hubs[number].translation
+        assert np.linalg.norm(off) < 0.1
+
+
+def test_everything_written_is_read_back(run, sample):
+    folder = sample / "pegpose"
+    assert {path.name for path in run.files} == {
+        "camera.yaml", "camera_info.yaml", "corners.csv", "poses.csv", "pose.yaml", "report.html",
+    }  # fmt: skip
+    camera = pl.Calibration.load(folder / "camera.yaml")
+    assert camera.rms == pytest.approx(run.calibration.rms)
+    np.testing.assert_allclose(
+        pl.Calibration.load(folder / "camera_info.yaml").camera.camera_matrix, run.calibration.camera.camera_matrix
+    )
+    corners = pd.read_csv(folder / "corners.csv")
+    assert len(corners) == 5 * 48 and corners["image"].nunique() == 5
+    assert (pl.read_pose_table(folder / "poses.csv")["status"] == "").all()
+    assert pl.read_detection(folder / "pose.yaml").frame_id == "camera"
+
+
+def test_the_report_is_one_page_by_itself(run, sample):
+    page = (sample / "pegpose" / "report.html").read_text(encoding="utf-8")
+    for text in ("http://", "https://", "<script", "file:"):
+        assert text not in page
+    assert page.count("<img") == page.count("alt=") == 5 + 6 + 1 and len(page) < 3e6
+    for one in (*run.boards, *run.frames):
+        assert one.path.name in page
+
+
+def test_a_second_run_takes_the_corners_of_the_first(sample, monkeypatch):
+    def never(*_):
+        raise AssertionError("searched again")
+
+    monkeypatch.setattr(board_images, "_searched", never)
+    again = run_folder(sample, workers=1, progress=False)
+    assert [one.fate for one in again.boards] == ["48 of 48 corners"] * 5
+    kept = next((sample / "pegpose" / "kept").iterdir())
+    kept.write_text("{")  # damaged: only this one is searched again
+    monkeypatch.setattr(board_images, "_searched", lambda path, board: board_images.BoardImage(path, "searched"))
+    assert sum(one.fate == "searched" for one in run_folder(sample, workers=1, progress=False).boards) == 1
+
+
+# ---- images of every kind ----
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory):
+    """Four good boards among images that need care or are of no use."""
+    folder, experiment = tmp_path_factory.mktemp("odd"), paper_experiment()
+    images = [experiment.board_image(k)[::2, ::2] for k in range(5)]
+    files = folder / "boards"
+    files.mkdir()
+    for number in (0, 1):
+        cv2.imwrite(str(files / f"good-{number}.png"), images[number])
+    cv2.imwrite(str(files / "deep.png"), images[2].astype(np.uint16) * 200 + 300)
+    cv2.imwrite(str(files / "colour.tif"), cv2.cvtColor(images[3], cv2.COLOR_GRAY2BGR))
+    jpeg = cv2.imencode(".jpg", images[4], [cv2.IMWRITE_JPEG_QUALITY, 97])[1].tobytes()
+    (files / "turned.jpg").write_bytes(with_orientation(jpeg, 6))
+    (files / "corrupt.jpg").write_bytes(jpeg[:500])
+    (files / "empty.png").write_bytes(b"")
+    cv2.imwrite(str(files / "large.png"), experiment.board_image(0))
+    cv2.imwrite(str(files / "blank.png"), np.full(images[0].shape, 90, np.uint8))
+    (files / "notes.txt").write_text("no image")
+    (folder / "pegpose.yaml").write_text("board: {columns: 8, rows: 6, square: 29.0}\n")
+    return folder
+
+
+def test_each_image_has_a_fate_with_its_name(odd):
+    run = run_folder(odd, workers=1, progress=False)
+    fates = {one.path.name: one.fate for one in run.boards}
+    assert set(fates) == {path.name for path in (odd / "boards").iterdir()} - {"notes.txt"}
+    assert fates["good-0.png"] == fates["colour.tif"] == "48 of 48 corners"
+    assert "16 bit, scaled to 8" in fates["deep.png"] and "EXIF" in fates["turned.jpg"]
+    assert "no image that can be read" in fates["corrupt.jpg"] and "no image that can be read" in fates["empty.png"]
+    assert "not used: it has 1600 x 1200 px" in fates["large.png"] and fates["blank.png"].startswith("no board")
+    assert sum(one.used for one in run.boards) == 5 and run.calibration is not None
+    assert all(name in run.summary() for name in fates)
+
+
+def test_a_turned_image_is_read_as_the_sensor_saw_it(odd):
+    picture = read_picture(odd / "boards" / "turned.jpg")
+    assert picture.size == (800, 600) and "EXIF" in picture.notes[0]
+
+
+def test_floats_and_constant_deep_images(tmp_path):
+    cv2.imwrite(str(tmp_path / "flat.png"), np.full((20, 30), 4000, np.uint16))
+    assert read_picture(tmp_path / "flat.png").image.max() <= 255
+    cv2.imwrite(str(tmp_path / "float.tif"), np.linspace(-1, 1, 600, dtype=np.float32).reshape(20, 30))
+    image = read_picture(tmp_path / "float.tif").image
+    assert image.dtype == np.uint8 and (np.ptp(image)) > 200
+
+
+# ---- frames, and cameras from files ----
+
+
+def test_a_camera_from_a_file_and_a_lost_frame(run, sample, tmp_path):
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    for name in ("frame-01.png", "frame-10.png"):
+        (frames / name).write_bytes((sample / "frames" / name).read_bytes())
+    cv2.imwrite(str(frames / "frame-05.png"), np.full((1200, 1600), 60, np.uint8))
+    run.calibration.save(tmp_path / "camera.yaml")
+    (tmp_path / "pegpose.yaml").write_text(
+        "board: {columns: 8, rows: 6, square: 29.0}\ncamera: camera.yaml\npart: {n_pegs: 4}\n"
+    )
+    found = run_folder(tmp_path, progress=False)
+    assert [frame.pose is not None for frame in found.frames] == [True, False, True]
+    assert "not found" in found.frames[1].fate
+    assert "no pose" not in found.frames[2].fate
+
+
+def test_a_folder_without_boards_says_so(sample, tmp_path):
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "a.png").write_bytes((sample / "frames" / "frame-01.png").read_bytes())
+    (tmp_path / "pegpose.yaml").write_text("board: {columns: 8, rows: 6, square: 29.0}\npart: {n_pegs: 4}\n")
+    found = run_folder(tmp_path, progress=False)
+    assert found.calibration is None and "no images of a board" in found.summary()
+    assert found.frames[0].observation is not None and found.frames[0].pose is None
+    assert "not calibrated" in (tmp_path / "pegpose" / "report.html").read_text()
+
+
+# ---- descriptions ----
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "does not describe a board"),
+        ("part: {n_pegs: 4}\n", "does not describe a board"),
+        ("board: {columns: 8, rows: 6, squares: 29}\n", "board has a key that is not known"),
+        ("board: {columns: 1, rows: 6}\n", "board: columns"),
+        ("board: 8x6\n", "board is '8x6'"),
+        ("board: {columns: 8, rows: 6}\nframe: x\n", "frame is unknown"),
+        ("board: {columns: 8, rows: 6}\npart: {n_pegs: 4}\nring: {n: 4}\n", "both part and ring"),
+        ("board: [", "is no YAML"),
+    ],
+)
+def test_unusable_descriptions_say_why(tmp_path, text, reason):
+    (tmp_path / "pegpose.yaml").write_text(text)
+    with pytest.raises(ValueError, match=reason):
+        read_description(tmp_path)
+
+
+def test_a_missing_description_shows_what_to_write(tmp_path):
+    with pytest.raises(ValueError, match="columns: 8"):
+        run_folder(tmp_path)
+    (tmp_path / "pegpose.yaml").write_text("board: {columns: 8, rows: 6}\n")
+    with pytest.raises(ValueError, match="has no images"):
+        run_folder(tmp_path)
+
+
+def test_a_plane_must_be_one_of_the_boards(sample, tmp_path):
+    text = (sample / "pegpose.yaml").read_text().replace("plane: last", "plane: nowhere.png")
+    for name in ("boards", "frames"):
+        (tmp_path / name).symlink_to(sample / name)
+    (tmp_path / "pegpose.yaml").write_text(text)
+    with pytest.raises(ValueError, match="plane is 'nowhere.png'"):
+        run_folder(tmp_path, workers=1, progress=False)
+
+
+def test_rings_are_described_too():
+    ring = Description.of(
+        {"board": {"columns": 8, "rows": 6}, "ring": {"n": 5, "pitch_radius": 40.0, "disc_radius": 6.0}}
+    )
+    assert isinstance(ring.part, pl.RingPattern) and ring.part.n_places == 5
