@@ -34,7 +34,7 @@ ORDER = (
     ("study",),
     ("bench", "own_images"),
     ("lab.widgets", "lab.front_page"),
-    ("lab.notebooks.agreement", "lab.notebooks.testing", "lab.notebooks.exploring"),
+    ("lab.notebooks.agreement", "lab.notebooks.testing", "lab.notebooks.exploring", "lab.notebooks.contents"),
     ("lab.notebooks.running", "lab.notebooks.processors", "lab.measuring"),
     ("lab.command_line",),
     ("__main__",),

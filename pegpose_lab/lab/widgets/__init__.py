@@ -15,6 +15,7 @@ from .hub import hub_explorer
 from .insertion import insertion_explorer
 from .intervals import interval_explorer
 from .threshold import threshold_explorer
+from .upload import upload_box
 
 __all__ = [
     "circle_explorer",
@@ -24,4 +25,5 @@ __all__ = [
     "interval_explorer",
     "show",
     "threshold_explorer",
+    "upload_box",
 ]

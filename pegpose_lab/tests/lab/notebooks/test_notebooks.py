@@ -30,8 +30,9 @@ def _code_cells(notebook):
 
 
 def test_all_steps_are_there():
-    assert [path.stem[:2] for path in NOTEBOOKS] == [f"{k + 1:02d}" for k in range(len(NOTEBOOKS))]
+    assert [path.stem[:2] for path in NOTEBOOKS] == [f"{k:02d}" for k in range(len(NOTEBOOKS))]
     assert {
+        "00_start_here",
         "01_segmentation",
         "02_circle_detection",
         "03_tsai_calibration",
@@ -44,6 +45,7 @@ def test_all_steps_are_there():
         "10_real_parts",
         "11_other_tools",
         "12_assembly",
+        "13_your_images",
     } <= {path.stem for path in NOTEBOOKS}
 
 
