@@ -86,12 +86,14 @@ def _choose(patterns):
 def _report(options):
     """Compare the results with the paper, in claims.csv, in the two READMEs and on the screen."""
     from .lab import front_page
+    from .lab.page import write_page
     from .paper import claims
 
     table = claims.write_claims(results_folder(options.output))
     if options.output == CHECKOUT:
         claims.update_readme(results_folder(CHECKOUT) / "README.md", table)
         front_page.write(CHECKOUT / "README.md", results_folder(CHECKOUT))
+        write_page(CHECKOUT)
     print(claims.format_table(table))
     return 0
 

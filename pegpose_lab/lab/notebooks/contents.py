@@ -110,8 +110,8 @@ def as_table(listed: list[Entry]) -> str:
     | --- | --- | --- |
     | <img src="../figures/a.png" alt="A" width="160"> | **[03 A](03_a.ipynb)** What? | This. |
     """
-    rows = [
-        f'| <img src="{entry.picture}" alt="{entry.alternative}" width="160"> | **{entry.link}** {entry.question} | {entry.answer} |'
-        for entry in listed
-    ]
+    rows = []
+    for entry in listed:
+        picture = f'<img src="{entry.picture}" alt="{entry.alternative}" width="160">'
+        rows.append(f"| {picture} | **{entry.link}** {entry.question} | {entry.answer} |")
     return "\n".join(["| | question | answer |", "| --- | --- | --- |", *rows])

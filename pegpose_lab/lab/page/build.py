@@ -1,0 +1,109 @@
+"""Writes ``figures/index.html``: one file that opens without a server, a kernel or a network."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+from pathlib import Path
+
+from ...files import replacing
+from ...paper import claims
+from .. import results
+from ..front_page import findings, quality
+from .figures import Shown, figures
+from .sliders import Slider, sliders
+
+HERE = Path(__file__).parent
+VERDICTS = ("where", "quantity", "paper", "ours", "unit", "verdict", "reason")
+
+
+def write_page(folder: Path) -> None:
+    """Write ``figures/index.html`` below a folder, from the figures and results in it.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a figure or a table is missing.
+    """
+    with replacing(folder / "figures" / "index.html") as path:
+        path.write_text(page_text(folder), encoding="utf-8", newline="\n")
+
+
+def page_text(folder: Path) -> str:
+    """The page as a text."""
+    tables = folder / "data" / "results"
+    moved = sliders(tables)
+    states = json.dumps({one.name: {"kind": one.kind, "states": one.states} for one in moved}, ensure_ascii=False)
+    parts = [
+        '<!doctype html>\n<html lang="en"><head><meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><title>PegPose Lab: the results</title>',
+        f"<style>{(HERE / 'page.css').read_text(encoding='utf-8')}</style></head><body>",
+        "<h1>Where are the pegs, and will the wheel go on?</h1>",
+        "<p>The results of PegPose Lab, which reproduces, examines and goes beyond the paper <i>Vision Based Pose Estimation "
+        "of Multiple Peg-in-Hole for Robotic Assembly</i>. Everything here is computed by the project's notebooks; below each "
+        "part stands where.</p>",
+        '<nav><a href="#findings">Findings</a><a href="#move">Move it</a><a href="#figures">Figures</a>'
+        '<a href="#claims">Every printed number</a></nav>',
+        _scene(folder),
+        f'<h2 id="findings">Findings</h2>{_list(findings(tables))}<div class="scroll">{_rows(quality(tables))}</div>',
+        '<h2 id="move">Move it</h2><p>Precomputed states; no kernel runs.</p>',
+        *(_slider(one) for one in moved),
+        '<h2 id="figures">Figures</h2>',
+        *(_figure(folder, one) for one in figures() if one.name != "12_scene"),
+        '<h2 id="claims">Every printed number beside ours</h2>',
+        f"<p>{html.escape(claims.summary(claims.claims_table(results.load_values(tables))))}</p>",
+        f'<div class="scroll">{_claims(tables)}</div>',
+        f'<script type="application/json" id="states">{states.replace("</", "<" + chr(92) + "/")}</script>',
+        f"<script>{(HERE / 'page.js').read_text(encoding='utf-8')}</script></body></html>\n",
+    ]
+    return "\n".join(parts)
+
+
+def _image(folder, name, alternative):
+    content = base64.b64encode((folder / "figures" / f"{name}.png").read_bytes()).decode("ascii")
+    return f'<img alt="{html.escape(alternative)}" src="data:image/png;base64,{content}">'
+
+
+def _scene(folder):
+    image = _image(folder, "12_scene", "Camera, boards, hub with four pegs and the wheel before it, to scale")
+    return f"<figure>{image}<figcaption>The rendered experiment, to scale.</figcaption></figure>"
+
+
+def _figure(folder: Path, shown: Shown) -> str:
+    source = f"notebooks/{shown.notebook}.ipynb, figures/{shown.name}.png"
+    caption = f'{html.escape(shown.caption)}<br><span class="source">{source}</span>'
+    return f"<figure>{_image(folder, shown.name, shown.alternative)}<figcaption>{caption}</figcaption></figure>"
+
+
+def _slider(one: Slider) -> str:
+    last = len(one.states) - 1
+    return (
+        f'<div class="slider" data-slider="{one.name}"><h3><label for="slide-{one.name}">{html.escape(one.title)}</label></h3>'
+        f'<output></output><svg role="img" aria-label="{html.escape(one.title)}"></svg>'
+        f'<input type="range" id="slide-{one.name}" min="0" max="{last}" value="{one.start}">'
+        f'<p class="source">{html.escape(one.source)}</p></div>'
+    )
+
+
+def _bold(text):
+    """Markdown's bold as HTML, the rest escaped."""
+    return re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", html.escape(text))
+
+
+def _list(lines):
+    return "<ol>" + "".join(f"<li>{_bold(line)}</li>" for line in lines) + "</ol>"
+
+
+def _rows(rows):
+    """A table whose first row is its header."""
+    header, *body = rows
+    lines = ["".join(f"<th>{html.escape(cell)}</th>" for cell in header)]
+    lines += ["".join(f"<td>{html.escape(cell)}</td>" for cell in row) for row in body]
+    return "<table>" + "".join(f"<tr>{line}</tr>" for line in lines) + "</table>"
+
+
+def _claims(tables):
+    table = results.read_csv(tables / "claims.csv", as_text=True)
+    return _rows([list(VERDICTS), *table[list(VERDICTS)].to_numpy().tolist()])
