@@ -1,9 +1,9 @@
 """Sliders for JupyterLab: change a setting of a step and see its effect at once.
 
-Each ``*_explorer`` returns an `Explorer`: sliders above an image with one or two lines of text below it.  When a
+Each ``*_explorer`` returns an `Explorer`: sliders, one or two lines of text, and an image below them.  When a
 slider moves, the step is computed again and the bytes of the image widget are replaced; no figure is built.  `show`
 displays an explorer with its first image and text, which can be read without a kernel.  If a step raises a
-`DetectionError`, `ValueError` or `CalibrationError`, its message is shown below the image.
+`DetectionError`, `ValueError` or `CalibrationError`, its message is shown above the image.
 
 A new slider is one function in a file for its step.
 """

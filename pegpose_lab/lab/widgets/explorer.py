@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 import html
 from typing import TYPE_CHECKING
 
 import cv2
 import ipywidgets
-from IPython.display import Image, display
+from IPython.display import display
 
 from ...checks import CalibrationError, DetectionError
 
@@ -39,7 +40,7 @@ class Explorer(ipywidgets.VBox):
     picture : ipywidgets.Image
         Its ``value`` is the content of a PNG file.
     caption : ipywidgets.HTML
-        `text`, below the image.
+        `text`, above the image, so that it is seen while a control is moved.
     text : str
     failed : bool
         Whether `text` is the message of an error.
@@ -51,7 +52,7 @@ class Explorer(ipywidgets.VBox):
         self.refresh()
         for control in controls.values():
             control.observe(self.refresh, names="value")
-        super().__init__([*controls.values(), self.picture, self.caption])
+        super().__init__([*controls.values(), self.caption, self.picture])
 
     def refresh(self, _change: Any = None) -> None:
         """Compute the image from the controls' present values."""
@@ -72,13 +73,14 @@ class Explorer(ipywidgets.VBox):
 
 
 def show(explorer: Explorer) -> None:
-    """Display an explorer, then its present image as a PNG, and print its text.
+    """Display an explorer; where no kernel runs, its first image and text in its place.
 
-    The image and the text are stored in the notebook, so that they can be read without a kernel.
+    All three are one output: JupyterLab shows the widget, and whoever only reads the notebook the image.
     """
-    display(explorer)
-    display(Image(data=bytes(explorer.picture.value), format="png", width=SHOWN_WIDTH))
-    print(explorer.text)
+    bundle = dict(explorer._repr_mimebundle_())
+    bundle["image/png"] = base64.b64encode(explorer.picture.value).decode("ascii")
+    bundle["text/plain"] = f"{explorer!r}\n{explorer.text}"
+    display(bundle, metadata={"image/png": {"width": SHOWN_WIDTH}}, raw=True)
 
 
 # ---- controls ----

@@ -38,18 +38,13 @@ def threshold_explorer(image: ArrayLike) -> Explorer:
         _paint_parts(picture, scale, found)
         return _describe_parts(found, min_area)
 
-    return Explorer(
-        "threshold explorer",
-        lambda **_: canvas,
-        draw,
-        {
-            "automatic": ipywidgets.Checkbox(True, description="automatic (Otsu)", indent=True, **_look()),
-            "threshold": _slider(ipywidgets.IntSlider, "threshold (grey value)", int(_otsu(image)), 0, 255),
-            "min_area": _slider(
-                ipywidgets.IntSlider, "minimum area (px)", max(4, image.size // 10_000), 1, max(5, image.size // 500)
-            ),
-        },
-    )
+    automatic = ipywidgets.Checkbox(True, description="automatic (Otsu)", indent=True, **_look())
+    threshold = _slider(ipywidgets.IntSlider, "threshold (grey value)", int(_otsu(image)), 0, 255)
+    ipywidgets.dlink((automatic, "value"), (threshold, "disabled"))  # it does nothing then
+    least, most = max(4, image.size // 10_000), max(5, image.size // 500)
+    min_area = _slider(ipywidgets.IntSlider, "minimum area (px)", least, 1, most)
+    controls = {"automatic": automatic, "threshold": threshold, "min_area": min_area}
+    return Explorer("threshold explorer", lambda **_: canvas, draw, controls)
 
 
 # ---- segmentation and circles ----

@@ -1,11 +1,11 @@
 """Explorers: the picture follows the controls, errors are shown and not raised, first pictures are whole PNGs."""
 
+import base64
 import html
 
 import cv2
 import numpy as np
 import pytest
-from IPython.display import Image
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import checks
@@ -63,8 +63,8 @@ def test_first_picture_is_a_png_of_the_stated_size(explorer):
     assert not explorer.failed and explorer.text
 
 
-def test_children_are_the_controls_over_the_picture_and_its_text(explorer):
-    assert explorer.children == (*explorer.controls.values(), explorer.picture, explorer.caption)
+def test_children_are_the_controls_over_the_text_and_its_picture(explorer):
+    assert explorer.children == (*explorer.controls.values(), explorer.caption, explorer.picture)
     assert html.unescape(explorer.caption.value).count(explorer.text) == 1
     assert all(control.description for control in explorer.controls.values())
 
@@ -110,13 +110,23 @@ def test_repr_is_short_and_the_same_in_every_run(explorer):
     assert repr(explorer).startswith(explorer.name)
 
 
-def test_show_displays_widget_picture_and_text(explorer, monkeypatch, capsys):
+def test_show_is_one_output_with_widget_picture_and_text(explorer, monkeypatch):
     shown = []
-    monkeypatch.setattr(explorer_file, "display", shown.append)
+    monkeypatch.setattr(explorer_file, "display", lambda *arguments, **options: shown.append((arguments, options)))
     show(explorer)
-    assert shown[0] is explorer
-    assert isinstance(shown[1], Image) and shown[1].data == bytes(explorer.picture.value)
-    assert capsys.readouterr().out == explorer.text + "\n"
+    (((bundle,), options),) = shown
+    assert options["raw"] and bundle["application/vnd.jupyter.widget-view+json"]["model_id"] == explorer.model_id
+    assert base64.b64decode(bundle["image/png"]) == bytes(explorer.picture.value)
+    assert bundle["text/plain"] == f"{explorer!r}\n{explorer.text}"
+
+
+def test_a_threshold_that_does_nothing_is_disabled():
+    controls = threshold.threshold_explorer(
+        np.full((60, 300), 200, np.uint8) + np.eye(60, 300, dtype=np.uint8)
+    ).controls
+    assert controls["threshold"].disabled
+    controls["automatic"].value = False
+    assert not controls["threshold"].disabled
 
 
 # ---- errors ----

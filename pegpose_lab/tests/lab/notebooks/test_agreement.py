@@ -54,7 +54,7 @@ def test_everything_else_is_told(stored, fresh):
     assert not texts_agree(stored, fresh) and not texts_agree(fresh, stored)
 
 
-@given(st.floats(-1e6, 1e6), st.integers(0, 8), st.integers(-3, 3))
+@given(st.floats(-1e6, 1e6).filter(lambda x: x == 0 or abs(x) > 1e-290), st.integers(0, 8), st.integers(-3, 3))
 def test_one_unit_of_the_last_digit_and_no_more(value, digits, steps):
     stored = f"{value:.{digits}e}"
     unit = 10.0 ** (int(stored.partition("e")[2]) - digits)

@@ -13,7 +13,7 @@ import pytest
 from nbformat.v4 import new_code_cell, new_notebook
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab.lab import front_page, plotting
+from pegpose_lab.lab import front_page, page, plotting
 from pegpose_lab.lab.notebooks import running
 from pegpose_lab.tests.commands import WRITE, _start
 
@@ -83,6 +83,7 @@ def test_failing_notebook_is_named_and_leaves_everything_as_it_was(checkout, old
 def test_claims_follow_the_run(checkout, tmp_path_factory, capsys, monkeypatch):
     first_pages = []
     monkeypatch.setattr(front_page, "write", lambda readme, folder: first_pages.append((readme, folder)))
+    monkeypatch.setattr(page, "write_page", first_pages.append)
     readme = checkout / "data" / "results" / "README.md"
     readme.parent.mkdir(parents=True)
     readme.write_text("before <!-- claims:begin --><!-- claims:end --> after")
@@ -95,7 +96,7 @@ def test_claims_follow_the_run(checkout, tmp_path_factory, capsys, monkeypatch):
     assert capsys.readouterr().out == table
     assert "Table 2" in table
     assert readme.read_text().startswith("before <!-- claims:begin -->") and "Table 2" in readme.read_text()
-    assert first_pages == [(checkout / "README.md", readme.parent)]
+    assert first_pages == [(checkout / "README.md", readme.parent), checkout]
 
 
 def test_kernel_that_dies_is_reported(tmp_path):

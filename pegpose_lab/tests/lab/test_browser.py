@@ -1,0 +1,209 @@
+"""What a reader sees in a browser: JupyterLab's explorers move, nothing shows an error, and the page works from a file.
+
+Needs Chromium and Playwright; without them these tests are skipped.
+"""
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+
+import cv2
+import nbformat
+import numpy as np
+import pytest
+
+from pegpose_lab.lab import command_line
+from pegpose_lab.lab.environment import CHECKOUT
+from pegpose_lab.lab.notebooks import exploring
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+PAGE = CHECKOUT / "figures" / "index.html"
+EXPLORERS = {
+    "00_start_here": "hub explorer",
+    "01_segmentation": "threshold explorer",
+    "02_circle_detection": "circle explorer",
+    "04_genetic_stage": "genetic explorer",
+    "05_zhang_baseline": "interval explorer",
+    "12_assembly": "insertion explorer",
+}
+READY = 90_000  # ms, for a kernel to start and a cell to run
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield chromium
+        chromium.close()
+
+
+# ---- the page ----
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_page_works_from_a_file(browser, width):
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    asked, errors = [], []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(PAGE.as_uri())
+    sliders = page.locator(".slider")
+    assert sliders.count() >= 6
+    for k in range(sliders.count()):
+        box = sliders.nth(k)
+        text, drawn = box.locator("output").inner_text(), box.locator("svg").inner_html()
+        taken = box.evaluate(
+            """box => { const input = box.querySelector('input'), times = [];
+            for (let k = 0; k <= Number(input.max); k++) { const start = performance.now();
+              input.value = k; input.dispatchEvent(new Event('input')); times.push(performance.now() - start); }
+            return times.sort((a, b) => a - b)[Math.floor(times.length / 2)]; }"""
+        )
+        print(f"{box.get_attribute('data-slider')}: {taken:.2f} ms a move")
+        assert box.locator("output").inner_text() != text and box.locator("svg").inner_html() != drawn
+    assert page.evaluate("document.documentElement.scrollWidth") <= width  # nothing to scroll sideways
+    assert all(url.startswith(("file:", "data:")) for url in asked) and errors == []
+    page.close()
+
+
+# ---- JupyterLab ----
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory):
+    """JupyterLab as the command ``lab`` starts it, on a copy of the notebooks; its address."""
+    root = tmp_path_factory.mktemp("lab")
+    shutil.copytree(CHECKOUT / "notebooks", root / "notebooks", ignore=shutil.ignore_patterns("scratch"))
+    (root / "figures").symlink_to(CHECKOUT / "figures")
+    with socket.socket() as free:
+        free.bind(("localhost", 0))
+        port = free.getsockname()[1]
+    options = command_line.parse(["lab", "--no-browser", "--allow-root", f"--port={port}"], root)
+    arguments = exploring.jupyterlab_arguments(options, root)
+    extra = ["--IdentityProvider.token=", "--ServerApp.password=", "--ServerApp.disable_check_xsrf=True"]
+    environment = os.environ | {"PEGPOSE_OUTPUT": str(tmp_path_factory.mktemp("scratch"))}
+    log = open(root / "server.log", "w")  # noqa: SIM115  the server writes to it until it ends
+    process = subprocess.Popen(
+        [sys.executable, "-m", "jupyterlab", *arguments, *extra], env=environment, stdout=log, stderr=log
+    )
+    address = f"http://localhost:{port}"
+    try:
+        _wait_for(f"{address}/api/status", process, root / "server.log")
+        yield address
+    finally:
+        process.terminate()
+        process.wait(20)
+        log.close()
+
+
+def _wait_for(url, process, log):
+    for _ in range(240):
+        if process.poll() is not None:
+            raise AssertionError(f"JupyterLab ended: {log.read_text()[-2000:]}")
+        try:
+            with urllib.request.urlopen(url, timeout=2) as answer:
+                json.load(answer)
+                return
+        except OSError:
+            time.sleep(0.25)
+    raise AssertionError(f"JupyterLab did not start: {log.read_text()[-2000:]}")
+
+
+def _open(browser, server, name):
+    """A page with a notebook whose kernel is idle."""
+    page = browser.new_page(viewport={"width": 1300, "height": 1000})
+    page.goto(f"{server}/lab/tree/notebooks/{name}.ipynb?reset")
+    page.wait_for_selector(".jp-Notebook-cell", timeout=READY)
+    page.wait_for_selector(
+        '.jp-NotebookPanel-toolbar [data-status="idle"], .jp-Notebook-ExecutionIndicator[data-status="idle"]',
+        timeout=READY,
+    )
+    return page
+
+
+def _code_cells(name):
+    """Numbers and sources of a notebook's code cells."""
+    cells = nbformat.read(CHECKOUT / "notebooks" / f"{name}.ipynb", as_version=4).cells
+    return [(k, cell.source) for k, cell in enumerate(cells) if cell.cell_type == "code"]
+
+
+def _run(page, number):
+    """Run one cell."""
+    cell = _scrolled_to(page, number)
+    cell.locator(".cm-content").first.click()
+    page.keyboard.press("Control+Enter")
+    return cell
+
+
+@pytest.mark.parametrize("name", EXPLORERS)
+def test_an_explorer_runs_from_its_own_cell_and_moves(browser, server, name):
+    page = _open(browser, server, name)
+    cell = _run(page, next(number for number, source in _code_cells(name) if "explorer(" in source))
+    picture = cell.locator(".widget-image, img.jupyter-widgets").first
+    picture.wait_for(timeout=READY)
+    assert (
+        cell.locator(
+            ".jp-RenderedText[data-mime-type='application/vnd.jupyter.stderr'], .jp-OutputArea-output.jp-mod-error"
+        ).count()
+        == 0
+    )
+    handle = cell.locator(".noUi-target:not([disabled]) .noUi-handle").first
+    for key in ("PageUp", "PageDown", "PageUp", "PageUp"):
+        before, start = _shown(cell), time.perf_counter()
+        handle.focus()
+        page.keyboard.press(key)
+        while _shown(cell) == before:
+            assert time.perf_counter() - start < 20, f"{name}: nothing changed after {key}"
+            page.wait_for_timeout(10)
+        print(f"{EXPLORERS[name]}: {1000 * (time.perf_counter() - start):.0f} ms from key to picture")
+    assert cell.locator(".jp-mod-error").count() == 0
+    page.close()
+
+
+def _shown(cell):
+    """The explorer's text and picture."""
+    return cell.evaluate(
+        """cell => [...cell.querySelectorAll('.widget-html-content pre')].map(pre => pre.textContent).join()
+        + [...cell.querySelectorAll('img.jupyter-widgets')].map(image => image.src).join()"""
+    )
+
+
+def _scrolled_to(page, number):
+    """The cell of that number; cells out of sight are not in the page, so it is scrolled until it is there."""
+    cell = page.locator(f'.jp-Notebook-cell[data-windowed-list-index="{number}"]')
+    outer = page.locator(".jp-WindowedPanel-outer").first
+    for _ in range(200):
+        if cell.count():
+            cell.scroll_into_view_if_needed()
+            return cell
+        outer.evaluate("panel => panel.scrollBy(0, 600)")
+        page.wait_for_timeout(100)
+    raise AssertionError(f"cell {number} is not in the page")
+
+
+def test_photographs_are_uploaded_and_run(browser, server, tmp_path):
+    """The notebook for own images: a file dropped into the box is told, then the whole notebook runs without an error."""
+    name = "13_your_images"
+    image = tmp_path / "extra.png"
+    cv2.imwrite(str(image), np.full((1200, 1600), 90, np.uint8))
+    page = _open(browser, server, name)
+    for number, source in _code_cells(name):
+        cell = _run(page, number)
+        if "upload_box(" in source:
+            with page.expect_file_chooser(timeout=READY) as chooser:
+                cell.locator("button.jupyter-button").first.click(timeout=READY)
+            chooser.value.set_files(str(image))
+            cell.locator("text=extra.png: 1600 x 1200 px").wait_for(timeout=READY)
+        elif "def " not in source:
+            cell.locator(".jp-OutputArea-output").first.wait_for(timeout=READY)
+            page.wait_for_function(
+                "cell => !cell.textContent.includes('[*]')", arg=cell.element_handle(), timeout=READY
+            )
+    assert page.locator(".jp-mod-error").count() == 0
+    page.close()
