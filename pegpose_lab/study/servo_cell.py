@@ -51,7 +51,9 @@ class NoiseModel:
     sigma: float
 
 
-def start_pose(goal: RigidTransform, rng: np.random.Generator, *, shift=60.0, turn=40.0, tilt=15.0) -> RigidTransform:
+def start_pose(
+    goal: RigidTransform, rng: np.random.Generator, *, shift: float = 60.0, turn: float = 40.0, tilt: float = 15.0
+) -> RigidTransform:
     """A pose within `shift` mm, `turn` and `tilt` degrees of the goal, uniform in the ball, the turn and the tilt's disc."""
     way = rng.standard_normal(3)
     way *= shift * rng.random() ** (1 / 3) / np.linalg.norm(way)

@@ -2,6 +2,7 @@
 
 import fnmatch
 import importlib.util
+import json
 import re
 import subprocess
 import sys
@@ -60,3 +61,15 @@ def test_ruff_finds_nothing(arguments):
     command = [sys.executable, "-m", "ruff", *arguments, "--no-cache", "pegpose_lab"]
     run = subprocess.run(command, cwd=PROJECT_FOLDER, capture_output=True, text=True)
     assert run.returncode == 0, run.stdout + run.stderr
+
+
+def test_containers_use_the_pinned_packages():
+    """`.binder` and `.devcontainer` install what `environment.txt` pins, by files that are there."""
+    binder = PROJECT_FOLDER / ".binder"
+    (line,) = (binder / "requirements.txt").read_text().split("\n")[:-1]
+    assert (binder / line.removeprefix("-r ")).resolve() == PROJECT_FOLDER / "environment.txt"
+    assert (binder / "postBuild").stat().st_mode & 0o111
+    container = json.loads((PROJECT_FOLDER / ".devcontainer" / "devcontainer.json").read_text())
+    assert container["postCreateCommand"] == "python3 -m pegpose_lab setup"
+    for file in (binder / "runtime.txt").read_text().strip(), container["image"]:
+        assert file.endswith("3.11")  # the oldest Python that is supported, as environment.txt is compiled for

@@ -8,16 +8,17 @@ function element(name, attributes, text) {
   return made;
 }
 
-/* Bars: {bars: [[name, share 0..1, text, colour], ...]} */
+/* Bars: {bars: [[name, share 0..1, text, colour], ...]}, name and text above each, so that a phone shows them, too */
 function drawBars(svg, state) {
-  const pitch = 30;
-  svg.setAttribute("viewBox", `0 0 760 ${pitch * state.bars.length + 6}`);
+  const pitch = 44;
+  svg.setAttribute("viewBox", `0 0 480 ${pitch * state.bars.length + 4}`);
+  svg.style.maxWidth = "34rem";
   state.bars.forEach(([name, share, text, color], row) => {
-    const y = pitch * row + 4;
-    svg.append(element("text", {x: 0, y: y + 16, "font-size": 15, fill: "#222"}, name));
-    svg.append(element("rect", {x: 250, y: y, width: 380, height: 22, fill: "#eee"}));
-    svg.append(element("rect", {x: 250, y: y, width: Math.max(1, 380 * share), height: 22, fill: color}));
-    svg.append(element("text", {x: 640, y: y + 16, "font-size": 15, fill: "#222"}, text));
+    const y = pitch * row + 18;
+    svg.append(element("text", {x: 0, y: y - 3, "font-size": 15, fill: "#222"}, name));
+    svg.append(element("text", {x: 480, y: y - 3, "font-size": 15, fill: "#222", "text-anchor": "end"}, text));
+    svg.append(element("rect", {x: 0, y: y + 2, width: 480, height: 16, fill: "#eee"}));
+    svg.append(element("rect", {x: 0, y: y + 2, width: Math.max(1, 480 * share), height: 16, fill: color}));
   });
 }
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...paper import paper_experiment
 from ...study import load_measured
 from .. import results
 from ..style import COLORS
@@ -16,6 +15,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pandas import DataFrame
+
+MARGIN = 20  # px, round the pegs
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,11 @@ def sliders(folder: Path) -> list[Slider]:
 
 
 def _frames(pegs, trajectory):
-    """The pegs of the 45 frames, and the pose's error by camera and by one scale."""
-    width, height = paper_experiment().camera.image_size
+    """The pegs of the 45 frames, in the part of the image that they pass, and the pose's error by camera and by one scale."""
+    reach = pegs["radius_px"].max() + MARGIN
+    low = pegs[["x_px", "y_px"]].min() - reach
+    width, height = (pegs[["x_px", "y_px"]].max() + reach - low).round().astype(int).tolist()
+    pegs = pegs.assign(x_px=pegs["x_px"] - low["x_px"], y_px=pegs["y_px"] - low["y_px"])
     states = []
     for (frame, four), row in zip(pegs.groupby("frame"), trajectory.itertuples(index=False), strict=True):
         circles = [
