@@ -77,7 +77,7 @@ def detection_of(pose: HubPose, frame_id: str, *, class_id: str = "hub", stamp: 
     Raises
     ------
     ValueError
-        If a name or the stamp is unusable.
+        If the pose, a name or the stamp is unusable.
 
     Examples
     --------
@@ -92,6 +92,8 @@ def detection_of(pose: HubPose, frame_id: str, *, class_id: str = "hub", stamp: 
     for name, text in (("frame_id", frame_id), ("class_id", class_id)):
         if not isinstance(text, str) or not text.strip():
             raise ValueError(f"{name} is {text!r}; expected a name")
+    if not hasattr(pose, "cam_from_hub"):
+        raise ValueError(f"pose is {type(pose).__name__}; expected a HubPose")
     tops = as_pose(pose.cam_from_hub, "cam_from_hub").inv().apply(pose.peg_centers)
     reach = (np.abs(tops[:, :2]) + pose.peg_radii[:, None])[pose.used].max(axis=0)
     return Detection(
@@ -124,7 +126,7 @@ def write_detection(
     Raises
     ------
     ValueError
-        If a name or the stamp is unusable.
+        If the pose, a name or the stamp is unusable.
 
     References
     ----------

@@ -41,6 +41,8 @@ def observed_discs(observation: PegObservation, hub: Hub | RingPattern) -> tuple
     ring = isinstance(hub, RingPattern)
     n = hub.n_places if ring else hub.n_pegs
     places = np.column_stack([hub.places, np.zeros(n)]) if ring else hub.peg_centers
+    if not hasattr(observation, "peg_centers"):  # such as a `LostFrame`
+        raise ValueError(f"observation is {type(observation).__name__}; expected a PegObservation")
     centers = as_points(observation.peg_centers, 2, "observation.peg_centers")
     if len(centers) != n:
         raise ValueError(f"observation.peg_centers has {len(centers)} rows; expected one for each peg: {n}")

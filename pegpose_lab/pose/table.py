@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from pandas import DataFrame
 
+    from ..pegs import LostFrame
     from .hub import HubPose
 
 MOTION = ("t_x", "t_y", "t_z", "r_x", "r_y", "r_z")
@@ -27,13 +28,13 @@ _COVARIANCES = [f"cov_{MOTION[i]}_{MOTION[j]}" for i, j in _PAIRS]
 _NUMBERS = ["x", "y", "theta", *MOTION, *_COVARIANCES, "rms", "chi2", "pegs"]
 
 
-def pose_table(poses: Sequence[HubPose | str], *, times: Sequence[float] | None = None) -> DataFrame:
+def pose_table(poses: Sequence[HubPose | LostFrame | str], *, times: Sequence[float] | None = None) -> DataFrame:
     """Return the poses of a sequence as a table, a row for each frame.
 
     Parameters
     ----------
-    poses : sequence of HubPose or str
-        In the place of a pose that was not found, the reason.
+    poses : sequence of HubPose, LostFrame or str
+        In the place of a pose that was not found, the `LostFrame` of `track_pegs`, or the reason.
     times : sequence of float, optional
         Of the frames, s.
 
@@ -48,7 +49,7 @@ def pose_table(poses: Sequence[HubPose | str], *, times: Sequence[float] | None 
     Raises
     ------
     ValueError
-        If `times` has another length, or a pose is neither a `HubPose` nor a text.
+        If `times` has another length, or an entry is none of these.
 
     Examples
     --------
@@ -69,10 +70,11 @@ def pose_table(poses: Sequence[HubPose | str], *, times: Sequence[float] | None 
 
 
 def _row(pose, number):
-    if isinstance(pose, str):
-        return [number, *[np.nan] * len(_NUMBERS), "", " ".join(pose.split()) or "no pose"]
+    reason = pose if isinstance(pose, str) else getattr(pose, "reason", None)
+    if reason is not None:
+        return [number, *[np.nan] * len(_NUMBERS), "", " ".join(reason.split()) or "no pose"]
     if not hasattr(pose, "cam_from_hub"):
-        raise ValueError(f"poses[{number - 1}] is {type(pose).__name__}; expected a HubPose, or the reason as a text")
+        raise ValueError(f"poses[{number - 1}] is {type(pose).__name__}; expected a HubPose, a LostFrame, or a reason")
     covariance = np.full((6, 6), np.nan) if pose.covariance is None else pose.covariance
     motion = [*pose.cam_from_hub.translation, *pose.cam_from_hub.rotation.as_rotvec()]
     upper = [covariance[pair] for pair in _PAIRS]
@@ -82,7 +84,7 @@ def _row(pose, number):
 
 
 def write_pose_table(
-    path: str | PathLike[str], poses: Sequence[HubPose | str], *, times: Sequence[float] | None = None
+    path: str | PathLike[str], poses: Sequence[HubPose | LostFrame | str], *, times: Sequence[float] | None = None
 ) -> None:
     """Write the `pose_table` of a sequence as a CSV file with all digits, replaced as a whole.
 

@@ -236,10 +236,16 @@ def _found(observe, before):
     """The pose in the first frame that shows the part, and how many frames that took."""
     for tried in range(1, MOST_BLIND + 1):
         try:
-            return observe(), tried
+            return _as_pose(observe()), tried
         except (DetectionError, CalibrationError) as error:
             reason = str(error)
     raise _NotSeenError(before + MOST_BLIND, reason)
+
+
+def _as_pose(pose):
+    if not hasattr(pose, "cam_from_hub"):
+        raise ValueError(f"observe returned {type(pose).__name__}; expected a HubPose, or a DetectionError raised")
+    return pose
 
 
 def _covariance_of(pose):

@@ -63,7 +63,7 @@ def jupyterlab_arguments(options: argparse.Namespace, checkout: Path = CHECKOUT)
     """The command line of JupyterLab from the options of ``lab``; arguments after ``--`` come last, so they win."""
     arguments = [
         f"--ServerApp.root_dir={checkout}",
-        "--LabApp.default_url=/lab/tree/notebooks",
+        "--LabApp.default_url=/lab/tree/notebooks/00_start_here.ipynb",
         f"--LabApp.app_settings_dir={SETTINGS}",
         "--ContentsManager.pre_save_hook=pegpose_lab.lab.notebooks.running.clean_before_save",
     ]

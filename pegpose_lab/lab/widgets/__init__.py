@@ -9,21 +9,27 @@ A new slider is one function in a file for its step.
 """
 
 from .circles import circle_explorer
+from .eccentricity import eccentricity_explorer
 from .explorer import show
 from .genetic import genetic_explorer
 from .hub import hub_explorer
 from .insertion import insertion_explorer
 from .intervals import interval_explorer
+from .principal_point import principal_point_explorer
 from .threshold import threshold_explorer
 from .upload import upload_box
+from .views import views_explorer
 
 __all__ = [
     "circle_explorer",
+    "eccentricity_explorer",
     "genetic_explorer",
     "hub_explorer",
     "insertion_explorer",
     "interval_explorer",
+    "principal_point_explorer",
     "show",
     "threshold_explorer",
     "upload_box",
+    "views_explorer",
 ]

@@ -58,7 +58,7 @@ def interval_explorer(experiment: Experiment) -> Explorer:
         middles = stated.mean(axis=1)
         sigmas = [run.classical_sigma("focal_length") for run in found]
         classical = middles[:, None] + 1.96 * np.outer(sigmas, [-1, 1])
-        picture[:] = _drawn(stated, classical, true)
+        picture[:] = _drawn(stated, true, classical)
         holds = [int(np.sum((low < true) & (true < high))) for low, high in (stated.T, classical.T)]
         codes = Counter(flag.code for run in found for flag in run.flags)
         told = "; ".join(f"{code} ({number} of {DRAWS})" for code, number in codes.items())
@@ -82,12 +82,13 @@ def _blank():
     return np.full((HEIGHT, SHOWN_WIDTH, 3), 255, np.uint8)
 
 
-def _drawn(stated, classical, true):
-    """The intervals as an image."""
+def _drawn(stated, true, classical=None):
+    """The intervals (n, 2) as an image; with the classical ones within, if they are given."""
     fig, ax = plotting.figure(SHOWN_WIDTH / DPI, HEIGHT / DPI)
     rows = np.arange(len(stated))
     ax.hlines(rows, *stated.T, color=COLORS["joint"], linewidth=6, alpha=0.4, label="95 %, stated")
-    ax.hlines(rows, *classical.T, color=COLORS["joint"], linewidth=2, label="95 %, if errors were independent")
+    if classical is not None:
+        ax.hlines(rows, *classical.T, color=COLORS["joint"], linewidth=2, label="95 %, if errors were independent")
     ax.plot(stated.mean(axis=1), rows, "o", color=COLORS["joint"], markersize=4)
     ax.axvline(true, color=COLORS["truth"], linewidth=1.2, label="truth")
     ax.set(xlabel="focal length f (mm)", ylabel="draw of the noise", yticks=rows, xlim=(true - REACH, true + REACH))

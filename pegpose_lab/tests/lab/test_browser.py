@@ -29,8 +29,10 @@ EXPLORERS = {
     "00_start_here": "hub explorer",
     "01_segmentation": "threshold explorer",
     "02_circle_detection": "circle explorer",
+    "03_tsai_calibration": "principal point explorer",
     "04_genetic_stage": "genetic explorer",
     "05_zhang_baseline": "interval explorer",
+    "09_uncertainty": "views explorer",
     "12_assembly": "insertion explorer",
 }
 READY = 120_000  # ms, for a kernel to start and a cell to run

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pegpose_lab import Hub, LostFrame
+from pegpose_lab import Hub, LostFrame, estimate_pose
 from pegpose_lab.pegs import largest_turn, locate_pegs, track_pegs
-from pegpose_lab.tests.pegs.hubs import HUB, assert_seen, pose_of, rendered, truth
+from pegpose_lab.tests.pegs.hubs import CAMERA, HUB, assert_seen, pose_of, rendered, truth
 
 EMPTY = np.full((480, 640), 40, np.uint8)
 
@@ -84,6 +84,11 @@ def test_tracking_goes_on_after_lost_frames():
 def test_the_first_frames_may_be_lost():
     found = list(track_pegs([EMPTY, rendered(0.0)], HUB))
     assert not found[0] and codes(found[1]) == []
+
+
+def test_a_lost_frame_has_no_pose():
+    with pytest.raises(ValueError, match="observation is LostFrame"):
+        estimate_pose(LostFrame(1, "found 0 discs"), CAMERA, HUB)
 
 
 def test_a_frame_that_is_no_image_is_an_error():

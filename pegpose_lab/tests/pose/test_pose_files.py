@@ -134,6 +134,9 @@ def test_unusable_sequences(poses, tmp_path):
         pose_table(poses, times=[0.0])
     with pytest.raises(ValueError, match=r"poses\[0\] is NoneType"):
         pose_table([None])
+    with pytest.raises(ValueError, match="pose is LostFrame"):
+        pl.write_detection(tmp_path / "pose.yaml", pl.LostFrame(1, "found 0 discs"), "camera")
+    assert pose_table([pl.LostFrame(1, "found 0 discs")])["status"].tolist() == ["found 0 discs"]
     (tmp_path / "other.csv").write_text("frame,x\n1,2\n")
     with pytest.raises(ValueError, match="it has no column y"):
         pl.read_pose_table(tmp_path / "other.csv")

@@ -186,3 +186,8 @@ def test_a_pose_without_covariance_is_refused():
     pose = SimpleNamespace(cam_from_hub=START, covariance=None)
     with pytest.raises(ValueError, match="without a covariance"):
         pl.visual_servo(lambda: pose, lambda motion: None, GOAL)
+
+
+def test_nothing_in_place_of_a_pose_is_refused():
+    with pytest.raises(ValueError, match="observe returned NoneType"):
+        pl.visual_servo(lambda: None, lambda motion: None, GOAL)

@@ -11,6 +11,7 @@ import re
 import nbformat
 import pytest
 from IPython.core.inputtransformer2 import TransformerManager
+from nbconvert import HTMLExporter
 
 from pegpose_lab.lab.environment import CHECKOUT
 from pegpose_lab.lab.notebooks.running import to_text
@@ -160,3 +161,13 @@ def test_printing_cells_are_recognised(source, expected):
 )
 def test_paths_of_machines_are_recognised(text, expected):
     assert bool(MACHINE_PATH.search(text)) == expected
+
+
+def test_is_exported_without_a_kernel(notebook):
+    """``jupyter nbconvert --to html`` shows the pictures of widgets in their place."""
+    page, _ = HTMLExporter().from_notebook_node(notebook)
+    explorers = [cell for cell in _code_cells(notebook) if "widgets.show(" in cell.source]
+    assert "Error displaying widget" not in page and "Loading widget" not in page
+    for cell in explorers:
+        (output,) = cell.outputs
+        assert output.data["image/png"].replace("\n", "")[:200] in page.replace("\n", "")
