@@ -10,6 +10,7 @@ A new slider is one function in a file for its step.
 
 from .circles import circle_explorer
 from .eccentricity import eccentricity_explorer
+from .equation6 import equation6_explorer
 from .explorer import show
 from .genetic import genetic_explorer
 from .hub import hub_explorer
@@ -23,6 +24,7 @@ from .views import views_explorer
 __all__ = [
     "circle_explorer",
     "eccentricity_explorer",
+    "equation6_explorer",
     "genetic_explorer",
     "hub_explorer",
     "insertion_explorer",

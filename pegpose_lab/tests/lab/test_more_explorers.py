@@ -49,3 +49,16 @@ def test_the_bias_of_an_ellipse_grows_with_tilt_and_radius_and_falls_with_depth(
         angle, pixels = np.deg2rad(tilt), camera.focal_length / camera.pixel_pitch[0]
         expected = pixels * (radius / depth) ** 2 * np.sin(angle) * np.cos(angle)
         assert number(explorer, shift) == pytest.approx(expected, rel=0.03, abs=2e-3)
+
+
+def test_one_distortion_for_each_point_leaves_nothing_to_find():
+    explorer = widgets.equation6_explorer(paper_experiment())
+    assert "varies by less than 1e-09 px" in explorer.text
+    assert number(explorer, r"shared: E from ([\d.]+) px") < 0.05 and number(explorer, r"to ([\d.]+) px$") > 0.5
+    at_truth = number(explorer, r"at T_z = ([\d.]+) mm")
+    first = bytes(explorer.picture.value)
+    explorer.controls["f"].value = 10.0
+    assert "varies by less than 1e-09 px" in explorer.text
+    assert number(explorer, r"at T_z = ([\d.]+) mm") > at_truth and bytes(explorer.picture.value) != first
+    explorer.controls["noise"].value = 0.2
+    assert number(explorer, r"shared: E from ([\d.]+) px") > 0.1 and not explorer.failed
