@@ -37,6 +37,7 @@ EXPLORERS = {
 }
 READY = 120_000  # ms, for a kernel to start and a cell to run
 ATTEMPTS = 3
+CLICK = 10_000  # ms
 
 
 @pytest.fixture(scope="module")
@@ -136,10 +137,26 @@ def _code_cells(name):
     return [(k, cell.source) for k, cell in enumerate(cells) if cell.cell_type == "code"]
 
 
+def _accept_dialog(page):
+    """Answer a dialog of JupyterLab, such as the choice of a kernel while the list of kernels is still loading."""
+    dialog = page.locator(".jp-Dialog")
+    if dialog.count():
+        print("dialog:", " ".join(dialog.first.inner_text().split()))
+        dialog.locator(".jp-mod-accept").first.click()
+        dialog.first.wait_for(state="detached", timeout=READY)
+
+
 def _run(page, number):
-    """Run one cell."""
-    cell = _scrolled_to(page, number)
-    cell.locator(".cm-content").first.click()
+    """Run one cell; a dialog that appears meanwhile is answered, and the cell run then."""
+    for attempt in range(ATTEMPTS):
+        _accept_dialog(page)
+        cell = _scrolled_to(page, number)
+        try:
+            cell.locator(".cm-content").first.click(timeout=CLICK)
+            break
+        except playwright.TimeoutError:
+            if attempt == ATTEMPTS - 1:
+                raise
     page.keyboard.press("Control+Enter")
     return cell
 
@@ -162,7 +179,7 @@ def test_an_explorer_runs_from_its_own_cell_and_moves(browser, server, name):
         == 0
     )
     handle = cell.locator(".noUi-target:not([disabled]) .noUi-handle").first
-    for key in ("PageUp", "PageDown", "PageUp", "PageUp"):
+    for key in ("PageUp", "PageDown", "PageUp", "PageDown"):
         before, start = _shown(cell), time.perf_counter()
         handle.focus()
         page.keyboard.press(key)
