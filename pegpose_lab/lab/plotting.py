@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 import matplotlib.pyplot as plt
 import numpy as np
 from IPython.display import display
-from matplotlib.colors import to_rgba
-from matplotlib.patches import Ellipse
 
 from ..files import output_folder, replacing
 from .figure_digest import figure_digest
+from .image_plots import plot_circles as plot_circles
+from .image_plots import plot_ellipses as plot_ellipses
+from .image_plots import plot_image as plot_image
+from .image_plots import plot_mask as plot_mask
 from .style import COLORS, DPI, STYLE
 from .style import DETECTORS as DETECTORS
 from .style import SERIES as SERIES
@@ -65,90 +67,22 @@ def save_figure(fig: Figure, name: str) -> tuple[Path, str]:
     return target, drawn
 
 
-def show_figure(fig: Figure, name: str) -> None:
+def show_figure(fig: Figure, name: str, alternative: str) -> None:
     """Save `fig` (see `save_figure`), show the saved file in the notebook and close the figure.
 
-    It must be the last call in the cell that builds the figure.  The text of the output describes the figure (see
-    `figure_digest`); nbval compares this text, and a reader sees only the image.
+    It must be the last call in the cell that builds the figure.  `alternative` says in a sentence what is to be seen, for
+    those who cannot see it.  The text of the output describes the figure (see `figure_digest`); nbval compares this text,
+    and a reader sees only the image.
     """
     path, drawn = save_figure(fig, name)
     content = base64.b64encode(path.read_bytes()).decode("ascii")
     width, height = (round(side * STYLE["figure.dpi"]) for side in fig.get_size_inches())
     display(
         {"image/png": content, "text/plain": f"figures/{name}.png\n{drawn}"},
-        metadata={"image/png": {"width": width, "height": height}},
+        metadata={"image/png": {"width": width, "height": height, "alt": alternative}},
         raw=True,
     )
     plt.close(fig)
-
-
-def plot_image(
-    ax: Axes,
-    image: ArrayLike,
-    title: str | None = None,
-    *,
-    limits: tuple[float, float, float, float] | None = None,
-) -> None:
-    """Show an image with pixel coordinates; `limits` = (left, right, top, bottom), px, draws only that part."""
-    image = np.asarray(image)
-    left, right, top, bottom = (0, image.shape[1] - 1, 0, image.shape[0] - 1) if limits is None else limits
-    box = _shown_box(image.shape, left, right, top, bottom)
-    _show_part(ax, image[box], box, vmin=0, vmax=255 if image.dtype == np.uint8 else image.max())
-    if limits is not None:
-        ax.set(xlim=(left, right), ylim=(bottom, top))
-    ax.set(xlabel="x (px)", ylabel="y (px)", title=title)
-
-
-def _shown_box(shape, left, right, top, bottom):
-    """Slices of the rows and columns of the pixels within limits."""
-    first = np.clip(np.floor([top, left]), 0, np.array(shape[:2]) - 1).astype(int)
-    last = np.clip(np.ceil([bottom, right]), 0, np.array(shape[:2]) - 1).astype(int)
-    return tuple(slice(low, high + 1) for low, high in zip(first, last, strict=False))
-
-
-def _show_part(ax, part, box, **style):
-    """Show a part of an image at its position in the image."""
-    rows, columns = box
-    extent = (columns.start - 0.5, columns.stop - 0.5, rows.stop - 0.5, rows.start - 0.5)
-    ax.imshow(part, interpolation="nearest", extent=extent, **style)
-
-
-def plot_mask(ax: Axes, mask: ArrayLike, *, color: str, label: str | None = None, alpha: float = 0.75) -> None:
-    """Draw a mask over the image in `ax`, in one colour."""
-    mask = np.asarray(mask, bool)
-    y, x = np.nonzero(mask)
-    if len(x):
-        box = _shown_box(mask.shape, x.min(), x.max(), y.min(), y.max())
-        layer = np.zeros((*mask[box].shape, 4))
-        layer[mask[box]] = to_rgba(color, alpha)
-        _show_part(ax, layer, box)
-    ax.fill([], [], color=color, alpha=alpha, label=label)
-
-
-def plot_circles(
-    ax: Axes, centers: ArrayLike, radii: ArrayLike, *, color: str = COLORS["genetic"], label: str | None = None
-) -> None:
-    """Draw circles with their centres."""
-    for center, radius in zip(np.atleast_2d(centers), np.atleast_1d(radii), strict=False):
-        ax.add_patch(plt.Circle(center, radius, fill=False, color=color, linewidth=1.2))
-    ax.plot(*np.atleast_2d(centers).T, "+", color=color, markersize=7, label=label)
-
-
-def plot_ellipses(
-    ax: Axes,
-    centers: Floats,
-    semi_axes: Floats,
-    angles: Floats,
-    *,
-    color: str = COLORS["joint"],
-    label: str | None = None,
-) -> None:
-    """Draw ellipses with their centres; semi-axes in px, angles in rad."""
-    for center, (major, minor), angle in zip(centers, semi_axes, angles, strict=False):
-        ax.add_patch(
-            Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2)
-        )
-    ax.plot(*np.atleast_2d(centers).T, "x", color=color, markersize=5, label=label)
 
 
 def plot_residuals(
@@ -160,10 +94,13 @@ def plot_residuals(
     color: str = COLORS["genetic"],
     image_size: tuple[int, int] | None = None,
 ) -> None:
-    """Draw residuals as arrows, enlarged by `scale`, with the length of the longest in the title."""
-    ax.quiver(*image_points.T, *residuals.T, angles="xy", scale_units="xy", scale=1 / scale, color=color, width=0.003)
+    """Draw residuals as arrows, enlarged by `scale`; the arrow above the axes is as long as the longest of them, rounded."""
+    style = {"angles": "xy", "scale_units": "xy", "scale": 1 / scale, "color": color, "width": 0.004}
+    arrows = ax.quiver(*image_points.T, *residuals.T, **style)
     longest = np.hypot(*residuals.T).max()
-    ax.set(xlabel="x (px)", ylabel="y (px)", title=f"residuals x {scale:g}; longest {longest:.3f} px", aspect="equal")
+    key = float(f"{longest:.1g}")
+    ax.quiverkey(arrows, 0.9, 1.05, key, f"{key:g} px", coordinates="axes", labelpos="W")
+    ax.set(xlabel="x (px)", ylabel="y (px)", title=f"residuals, longest {longest:.3f} px", aspect="equal")
     if image_size is not None:
         ax.set(xlim=(0, image_size[0]), ylim=(image_size[1], 0))
 

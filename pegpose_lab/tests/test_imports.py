@@ -27,6 +27,7 @@ ORDER = (
         "lab.results",
         "lab.figure_digest",
         "lab.style",
+        "lab.image_plots",
         "lab.plotting",
         "lab.maps",
     ),

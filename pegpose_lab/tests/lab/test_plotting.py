@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 from matplotlib.colors import to_hex
 from matplotlib.patches import Circle, Ellipse
+from matplotlib.quiver import QuiverKey
 from numpy.testing import assert_allclose
 from PIL import Image
 
@@ -110,13 +111,13 @@ def test_what_is_shown_is_what_is_saved(output, monkeypatch):
     shown = []
     monkeypatch.setattr(plotting, "display", lambda data, **options: shown.append((data, options)))
     fig = make_figure()
-    plotting.show_figure(fig, "07_scatter")
+    plotting.show_figure(fig, "07_scatter", "A cloud of points")
     assert not plt.fignum_exists(fig.number)
     ((data, options),) = shown
     content = base64.b64decode(data["image/png"])
     assert content == (output / "07_scatter.png").read_bytes()
     assert data["text/plain"].startswith("figures/07_scatter.png\nfigure: 7 x 3.6 in\naxes 1\n")
-    assert options == {"metadata": {"image/png": {"width": 700, "height": 360}}, "raw": True}
+    assert options["metadata"] == {"image/png": {"width": 700, "height": 360, "alt": "A cloud of points"}}
     with Image.open(io.BytesIO(content)) as image:
         assert image.size == (7 * plotting.DPI, round(3.6 * plotting.DPI))
         assert data["text/plain"].endswith(image.info["Description"])
@@ -128,7 +129,7 @@ def test_the_digest_tells_where_a_label_beside_a_point_is_saved(output, monkeypa
     fig, ax = plotting.figure()
     ax.set(xlim=(0, 1), ylim=(0, 1))
     ax.annotate("peg 1", (0.5, 0.25), xytext=(0, 0), textcoords="offset points")
-    plotting.show_figure(fig, "07_scatter")
+    plotting.show_figure(fig, "07_scatter", "A cloud of points")
     assert "text 'peg 1' at 0.500 0.250" in shown[0]
 
 
@@ -150,11 +151,27 @@ def test_figure_has_the_style():
 # ---- plots ----
 
 
+def test_dark_images_are_shown_brighter():
+    fig, (dark, bright) = plotting.figure(6.0, 3.0, 1, 2)
+    plotting.plot_image(dark, np.full((8, 8), 165, np.uint8))
+    plotting.plot_image(bright, np.full((8, 8), 192, np.uint8))
+    assert dark.images[0].get_clim() == (0, 191) and bright.images[0].get_clim() == (0, 255)
+    plt.close(fig)
+
+
+def test_residual_arrows_have_a_key_of_their_scale():
+    fig, ax = plotting.figure()
+    plotting.plot_residuals(ax, np.array([[1.0, 1.0], [5.0, 4.0]]), np.array([[0.003, 0.0], [0.0, 0.0042]]))
+    (key,) = (child for child in ax.get_children() if isinstance(child, QuiverKey))
+    assert key.U == 0.004 and key.text.get_text() == "0.004 px"
+    plt.close(fig)
+
+
 def test_image(axes):
     image = np.arange(60, dtype=np.uint8).reshape(6, 10)
     plotting.plot_image(axes, image, "a title")
     assert np.array_equal(axes.images[0].get_array(), image)
-    assert axes.images[0].get_clim() == (0, 255)
+    assert axes.images[0].get_clim() == (0, 63)
     assert axes.get_title() == "a title" and "px" in axes.get_xlabel()
 
 
@@ -214,7 +231,7 @@ def test_residuals(axes):
     assert_allclose(arrows.XY, points)
     assert_allclose(np.column_stack([arrows.U, arrows.V]), residuals)
     assert arrows.scale == pytest.approx(1 / 100.0) and arrows.angles == arrows.scale_units == "xy"
-    assert "0.050 px" in axes.get_title() and "100" in axes.get_title()
+    assert "longest 0.050 px" in axes.get_title()
     assert axes.get_ylim() == (120, 0)
 
 

@@ -114,6 +114,15 @@ def test_every_saved_figure_is_shown_once():
     assert sorted(names) == sorted(f"figures/{path.name}" for path in (CHECKOUT / "figures").glob("*.png"))
 
 
+def test_every_figure_says_what_it_shows(notebook):
+    told = [output.metadata.get("image/png", {}).get("alt", "") for output in _figures(notebook)]
+    assert all(len(text.split()) >= 5 for text in told)
+
+
+def test_a_notebook_has_few_cells(notebook):
+    assert len(notebook.cells) <= 36
+
+
 def _figures(notebook):
     """The outputs of `plotting.show_figure`."""
     outputs = [output for cell in _code_cells(notebook) for output in cell.outputs if "data" in output]
