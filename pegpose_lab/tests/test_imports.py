@@ -34,6 +34,7 @@ ORDER = (
     ("paper", "paper.claims", "paper.diagrams"),
     ("study",),
     ("bench", "own_images"),
+    ("lab.figures",),
     ("lab.widgets", "lab.front_page", "lab.notebooks.contents"),
     ("lab.page",),
     ("lab.notebooks.agreement", "lab.notebooks.testing", "lab.notebooks.exploring"),
