@@ -61,6 +61,11 @@ class _MatrixCamera(_Camera):
         to_scaled = np.array([[scale, 0, 0.5 * scale - 0.5], [0, scale, 0.5 * scale - 0.5], [0, 0, 1]])
         return type(self)(to_scaled @ self.camera_matrix, self.dist_coeffs, self._scaled_size(scale))
 
+    def cropped(self, left: int, top: int, width: int, height: int) -> Self:
+        """Return the camera of a part of its image: pixel (left, top) becomes pixel (0, 0)."""
+        to_part = np.array([[1.0, 0, -left], [0, 1, -top], [0, 0, 1]])
+        return type(self)(to_part @ self.camera_matrix, self.dist_coeffs, (width, height))
+
 
 def as_camera_matrix(matrix: ArrayLike) -> NDArray[np.float64]:
     """Return the matrix (3, 3) as an array; ValueError if it is not of the form [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]."""

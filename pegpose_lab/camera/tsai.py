@@ -133,6 +133,12 @@ class TsaiCamera(_Pixels, _Camera):
         middle = scale * (np.array(self.principal_point) + 0.5) - 0.5
         return TsaiCamera(self.focal_length, pitch, middle, self._scaled_size(scale), self.kappa1, self.scale_x)
 
+    def cropped(self, left: int, top: int, width: int, height: int) -> TsaiCamera:
+        """Return the camera of a part of its image: pixel (left, top) becomes pixel (0, 0)."""
+        middle = np.array(self.principal_point) - (left, top)
+        size = (width, height)
+        return TsaiCamera(self.focal_length, self.pixel_pitch, middle, size, self.kappa1, self.scale_x)
+
     def to_opencv(self) -> OpenCVCamera:
         r"""Return the `OpenCVCamera` that agrees with this one over the whole image, to `OPENCV_LIMIT` px.
 

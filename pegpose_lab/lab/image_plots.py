@@ -27,17 +27,23 @@ def plot_image(
 ) -> None:
     """Show an image with pixel coordinates; `limits` = (left, right, top, bottom), px, draws only that part.
 
-    White is the end of the quarter of the grey values' range that has the brightest pixel, so dark images can be seen and
-    a pixel more or less does not change the rest.
+    Grey values are those of `white_level`, so dark images can be seen.
     """
     image = np.asarray(image)
     left, right, top, bottom = (0, image.shape[1] - 1, 0, image.shape[0] - 1) if limits is None else limits
     box = _shown_box(image.shape, left, right, top, bottom)
-    white = int(image.max()) // 64 * 64 + 63 if image.dtype == np.uint8 else image.max()
-    _show_part(ax, image[box], box, vmin=0, vmax=white)
+    _show_part(ax, image[box], box, vmin=0, vmax=white_level(image))
     if limits is not None:
         ax.set(xlim=(left, right), ylim=(bottom, top))
     ax.set(xlabel="x (px)", ylabel="y (px)", title=title)
+
+
+def white_level(image: NDArray[np.generic]) -> float:
+    """The grey value to show as white: of an 8-bit image the end of the quarter of the range with its brightest pixel.
+
+    So a brighter pixel or two do not change how the rest is shown.
+    """
+    return int(image.max()) // 64 * 64 + 63 if image.dtype == np.uint8 else image.max()
 
 
 def _shown_box(shape, left, right, top, bottom):

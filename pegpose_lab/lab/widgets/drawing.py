@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from matplotlib.colors import to_rgb
 
+from ..image_plots import white_level
 from .explorer import FONT, SHOWN_WIDTH
 
 # ---- x px in the full image is scale * (x + 0.5) - 0.5 px in the shown one; the same holds for y ----
@@ -17,10 +18,12 @@ def _bgr(color):
 def _canvas(image):
     """A colour image `SHOWN_WIDTH` px wide, and its scale.
 
-    Grey values are rounded to multiples of 8, because noise would make the PNG files several times larger.
+    Dark images are shown brighter.  Grey values are rounded to multiples of 8, because noise would make the PNG files
+    several times larger.
     """
     scale = SHOWN_WIDTH / image.shape[1]
-    return cv2.cvtColor(cv2.add(_resized(image, scale), 4) & 0xF8, cv2.COLOR_GRAY2BGR), scale
+    bright = cv2.convertScaleAbs(_resized(image, scale), alpha=255 / white_level(image))
+    return cv2.cvtColor(cv2.add(bright, 4) & 0xF8, cv2.COLOR_GRAY2BGR), scale
 
 
 def _resized(image, scale):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import time
 from typing import TYPE_CHECKING
 
 import cv2
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from typing import Any
 
 SHOWN_WIDTH = 800  # px, width of every image
+SLOW = 0.3  # s; where an update took longer, a bar is shown during the next one
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
@@ -41,6 +43,8 @@ class Explorer(ipywidgets.VBox):
         Its ``value`` is the content of a PNG file.
     caption : ipywidgets.HTML
         `text`, above the image, so that it is seen while a control is moved.
+    progress : ipywidgets.HTML
+        A moving bar, seen while an update is computed after one that took longer than `SLOW`.
     text : str
     failed : bool
         Whether `text` is the message of an error.
@@ -49,13 +53,19 @@ class Explorer(ipywidgets.VBox):
     def __init__(self, name, backdrop, draw, controls):
         self.name, self.controls, self._backdrop, self._draw = name, controls, backdrop, draw
         self.picture, self.caption = ipywidgets.Image(format="png", width=SHOWN_WIDTH), ipywidgets.HTML()
+        bar = f'<progress style="width: {SHOWN_WIDTH}px; height: 6px" aria-label="computing"></progress>'
+        self.progress = ipywidgets.HTML(bar, layout={"visibility": "hidden", "height": "8px"})
+        self._slow = False
         self.refresh()
         for control in controls.values():
             control.observe(self.refresh, names="value")
-        super().__init__([*controls.values(), self.caption, self.picture])
+        super().__init__([*controls.values(), self.caption, self.progress, self.picture])
 
     def refresh(self, _change: Any = None) -> None:
         """Compute the image from the controls' present values."""
+        if self._slow:
+            self.progress.layout.visibility = "visible"
+        started = time.perf_counter()
         values = {name: control.value for name, control in self.controls.items()}
         picture = self._backdrop(**values).copy()
         try:
@@ -65,6 +75,8 @@ class Explorer(ipywidgets.VBox):
             self.text, self.failed = f"No result: {error}", True
         self.picture.value = _as_png(picture)
         self.caption.value = f'<pre style="white-space: pre-wrap">{html.escape(self.text)}</pre>'
+        self._slow = time.perf_counter() - started > SLOW
+        self.progress.layout.visibility = "hidden"
 
     def __repr__(self):
         """A short text that is the same in every run, because a notebook stores it with the widget."""

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from ...camera import FisheyeCamera, OpenCVCamera, TsaiCamera
     from ...targets import Hub
 
-RENDERED_WIDTH = 400  # px, width of the hub's image before it is enlarged
+RENDERED_WIDTH = 600  # px, width of the hub's image before it is enlarged
+SHIFTS = -10.0, 70.0  # mm, ends of the slider
+MARGIN = 1.08  # of the hub's radius, so that a rim of the background is seen
 
 
 def hub_explorer(
@@ -36,9 +38,9 @@ def hub_explorer(
 ) -> Explorer:
     """Sliders for the hub's angle and shift (Sect. 3.2): renders the hub, locates the pegs and estimates the pose.
 
-    The image is rendered `RENDERED_WIDTH` px wide, for speed.  The two screws leave an ambiguity of half a turn, so
-    labels are carried over from the previous image, as between frames.  In the first image, screw 1 is the left one.
-    A jump by too large an angle is refused.
+    Only the part of the image that the hub can reach is rendered, `RENDERED_WIDTH` px wide, for speed.  The two screws
+    leave an ambiguity of half a turn, so labels are carried over from the previous image, as between frames.  In the
+    first image, screw 1 is the left one.  A jump by too large an angle is refused.
 
     Parameters
     ----------
@@ -56,7 +58,7 @@ def hub_explorer(
     Explorer
         Controls ``angle`` (deg about z), ``shift`` (mm along x).
     """
-    camera = _smaller(camera, RENDERED_WIDTH)
+    camera = _smaller(_of_the_path(camera, hub, cam_from_plane), RENDERED_WIDTH)
     previous = None
 
     @lru_cache(maxsize=2)
@@ -81,12 +83,25 @@ def hub_explorer(
         draw,
         {
             "angle": _slider(ipywidgets.FloatSlider, "hub angle (deg)", angle, -180.0, 180.0, step=1.0),
-            "shift": _slider(ipywidgets.FloatSlider, "shift (mm)", shift, -10.0, 70.0, step=0.5),
+            "shift": _slider(ipywidgets.FloatSlider, "shift (mm)", shift, *SHIFTS, step=0.5),
         },
     )
 
 
 # ---- the hub ----
+
+
+def _of_the_path(camera, hub, cam_from_plane):
+    """The camera of the part of its image in which the hub is seen for any value of the sliders."""
+    turn = np.linspace(0, 2 * np.pi, 73)
+    rim = MARGIN * hub.radius * np.column_stack([np.cos(turn), np.sin(turn)])
+    points = np.concatenate(
+        [np.column_stack([rim + (shift, 0), np.full(len(rim), hub.peg_height)]) for shift in SHIFTS]
+    )
+    seen = camera.project(points, cam_from_plane)
+    low = np.clip(np.floor(seen.min(axis=0)), 0, np.array(camera.image_size) - 1).astype(int).tolist()
+    high = np.clip(np.ceil(seen.max(axis=0)), 1, camera.image_size).astype(int).tolist()
+    return camera.cropped(*low, high[0] - low[0], high[1] - low[1])
 
 
 def _smaller(camera, width):

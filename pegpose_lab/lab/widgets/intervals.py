@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 HEIGHT = 360  # px, height of the image
 DPI = plotting.STYLE["figure.dpi"]
-VIEWS, DRAWS, NOISE, REACH = 8, 8, 0.1, 0.6  # boards, draws of the noise, px per axis, mm on either side of the true f
+VIEWS, DRAWS, NOISE = 8, 8, 0.1  # boards, draws of the noise, px per axis
+REACH = 0.6  # mm shown on either side of the true f, doubled until all intervals are seen
 
 
 def interval_explorer(experiment: Experiment) -> Explorer:
@@ -91,7 +92,8 @@ def _drawn(stated, true, classical=None):
         ax.hlines(rows, *classical.T, color=COLORS["joint"], linewidth=2, label="95 %, if errors were independent")
     ax.plot(stated.mean(axis=1), rows, "o", color=COLORS["joint"], markersize=4)
     ax.axvline(true, color=COLORS["truth"], linewidth=1.2, label="truth")
-    ax.set(xlabel="focal length f (mm)", ylabel="draw of the noise", yticks=rows, xlim=(true - REACH, true + REACH))
+    reach = REACH * 2.0 ** np.ceil(np.log2(max(np.abs(stated - true).max() / REACH, 1.0)))
+    ax.set(xlabel="focal length f (mm)", ylabel="draw of the noise", yticks=rows, xlim=(true - reach, true + reach))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.16), ncols=3, fontsize=9)
     fig.canvas.draw()
     image = np.ascontiguousarray(np.asarray(fig.canvas.buffer_rgba())[:HEIGHT, :SHOWN_WIDTH, 2::-1])

@@ -50,6 +50,13 @@ def test_a_scaled_camera_has_the_same_picture_in_other_pixels(camera, scale):
     )
 
 
+@pytest.mark.parametrize("camera", [replace(paper_camera(), kappa1=1e-5, scale_x=1.02), paper_camera().to_opencv()])
+def test_a_cropped_camera_has_a_part_of_the_picture(camera):
+    part, points = camera.cropped(100, 40, 300, 200), np.array([[0.0, 0, 0], [20, -15, 3], [-30, 25, 9]])
+    assert part.project(points, POSE) == pytest.approx(camera.project(points, POSE) - (100, 40), abs=1e-9)
+    assert type(part) is type(camera) and part.image_size == (300, 200)
+
+
 @pytest.mark.parametrize("kappa1", [1.097e-5, 0.0, 1e-12, -1e-12, 1e-3, -2e-4, 0.3])
 def test_pixels_return_to_themselves(kappa1):
     reference = paper_camera()
