@@ -6,6 +6,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..checks import as_number
+from ..insertion import Wheel
 from ..patterns import RingPattern
 from ..targets import Checkerboard, Hub
 
@@ -45,6 +47,10 @@ class Description:
         File of a calibration (OpenCV's or ROS's), relative to the folder, in place of images of a board.
     plane : str or None
         Name of the board's image that lay in the plane of the pegs, or "last"; without it all six numbers are estimated.
+    wheel : Wheel or None
+        That is to go on the part; what is not given fits the part.
+    robot_repeatability : float
+        Of the robot that places the wheel, mm (RP of ISO 9283).
 
     Examples
     --------
@@ -62,6 +68,8 @@ class Description:
     radius_range: tuple[float, float] | None = None
     camera: str | None = None
     plane: str | None = None
+    wheel: Wheel | None = None
+    robot_repeatability: float = 0.0
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Description:
@@ -92,9 +100,13 @@ class Description:
             made["part"] = _made(Hub, part, "part")
         if ring is not None:
             made["part"] = _made(RingPattern, ring, "ring")
-        for name in ("coefficients", "radius_range"):
-            if values.get(name) is not None:
-                values[name] = tuple(values[name])
+        if (wheel := values.pop("wheel", None)) is not None:
+            made["wheel"] = _fitting(wheel, made.get("part"))
+        if values.get("coefficients") is not None:
+            values["coefficients"] = tuple(values["coefficients"])
+        if values.get("radius_range") is not None:
+            values["radius_range"] = _as_range(values["radius_range"])
+        as_number(values.get("robot_repeatability", 0.0), "robot_repeatability", 0)
         return cls(**made, **values)
 
     def paths(self, folder: Path, pattern: str) -> list[Path]:
@@ -115,6 +127,24 @@ def _made(kind, values, name):
         ) from error
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from error
+
+
+def _fitting(values, part):
+    """The wheel for a part; its holes lie where the pegs are, if nothing else is said."""
+    if not isinstance(part, Hub):
+        raise ValueError(
+            "wheel needs a part with pegs: part: {n_pegs: ..., pitch_circle_diameter: ..., peg_radius: ...}"
+        )
+    fits = {"n_holes": part.n_pegs, "pitch_circle_diameter": part.pitch_circle_diameter}
+    return _made(Wheel, fits | values if isinstance(values, dict) else values, "wheel")
+
+
+def _as_range(pair):
+    """Smallest and largest radius, px."""
+    if not isinstance(pair, (list, tuple)) or len(pair) != 2:
+        raise ValueError(f"radius_range is {pair!r}; expected [smallest, largest] in px")
+    low = as_number(pair[0], "radius_range[0]", 0, exclusive=True)
+    return low, as_number(pair[1], "radius_range[1]", low, 1e5)
 
 
 def read_description(folder: str | PathLike[str]) -> Description:

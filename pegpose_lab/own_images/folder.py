@@ -94,7 +94,8 @@ def run_folder(
     -------
     FolderRun
         Written are ``camera.yaml`` (OpenCV), ``camera_info.yaml`` (ROS), ``corners.csv``, ``poses.csv``, ``pose.yaml`` (ROS's
-        Detection3D, of the last frame with a pose) and ``report.html``, as far as there is something to write.
+        Detection3D, of the last frame with a pose), ``forecasts.csv`` (if a wheel is described) and ``report.html``, as far as
+        there is something to write.
 
     Raises
     ------
@@ -107,8 +108,8 @@ def run_folder(
     >>> from pegpose_lab.own_images import write_sample
     >>> with tempfile.TemporaryDirectory() as name:
     ...     run = run_folder(write_sample(name), workers=1, progress=False)
-    >>> run.frames[0].fate, [path.name for path in run.files]
-    ('4 of 4 discs measured', ['camera.yaml', 'camera_info.yaml', 'corners.csv', 'poses.csv', 'pose.yaml', 'report.html'])
+    >>> run.frames[0].fate, [path.name for path in run.files][-4:]
+    ('4 of 4 discs measured', ['poses.csv', 'pose.yaml', 'forecasts.csv', 'report.html'])
     """
     folder = Path(folder)
     described = read_description(folder)
@@ -129,9 +130,8 @@ def run_folder(
     if described.part is not None:
         frames = track_frames(
             frame_paths,
-            described.part,
+            described,
             calibration,
-            radius_range=described.radius_range,
             plane_view=_plane_view(described, boards) if calibration and described.camera is None else None,
             progress=progress,
         )
@@ -188,9 +188,24 @@ def _written(target, boards, calibration, why_not, frames):
     if posed:
         write_detection(target / "pose.yaml", posed[-1], "camera")
         files.append(target / "pose.yaml")
+    forecast = [one for one in frames if one.forecast is not None]
+    if forecast:
+        files.append(_csv(target / "forecasts.csv", forecast_table(forecast)))
     with replacing(target / "report.html") as temporary:
         temporary.write_text(as_html(boards, calibration, why_not, frames), encoding="utf-8")
     return [*files, target / "report.html"]
+
+
+def forecast_table(frames: list[Frame]) -> pd.DataFrame:
+    """Of each frame with a forecast: shares of insertions that meet nothing and that enter, and the clearance needed."""
+    return pd.DataFrame(
+        [
+            [one.path.name, told.probabilities["free"], told.enters, told.limiting_peg, told.free_clearance]
+            for one in frames
+            if (told := one.forecast) is not None
+        ],
+        columns=["frame", "free", "enters", "limiting_peg", "free_clearance_mm"],
+    )
 
 
 def _csv(path, table):

@@ -1,4 +1,4 @@
-"""The part in each frame: tracked, and its pose estimated."""
+"""The part in each frame: tracked, its pose estimated, and whether a wheel would go on."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from tqdm import tqdm
 
-from ..checks import CalibrationError, DetectionError
-from ..pegs import locate_pegs
+from ..checks import CalibrationError
+from ..insertion import assembly_forecast
+from ..pegs import track_pegs
 from ..pose import estimate_pose
 from .reading import read_picture
 
@@ -16,10 +17,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from ..calibration import Calibration
-    from ..patterns import RingPattern
+    from ..insertion import AssemblyForecast
     from ..pegs import PegObservation
     from ..pose import HubPose
-    from ..targets import Hub
+    from .description import Description
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,63 +34,64 @@ class Frame:
         What became of it, in a sentence.
     observation : PegObservation or None
     pose : HubPose or None
+    forecast : AssemblyForecast or None
+        Of the wheel, if one is described.
     """
 
     path: Path
     fate: str
     observation: PegObservation | None = None
     pose: HubPose | None = None
+    forecast: AssemblyForecast | None = None
 
 
 def track_frames(
     paths: list[Path],
-    part: Hub | RingPattern,
+    described: Description,
     calibration: Calibration | None,
     *,
-    radius_range: tuple[float, float] | None,
     plane_view: int | None,
     progress: bool,
 ) -> list[Frame]:
-    """Find the part in one frame after the other, with the labels of the frame before, and estimate its pose."""
-    frames, previous = [], None
-    for path in tqdm(paths, unit="frame", desc="frames", disable=not progress):
-        frame = _frame(path, part, calibration, radius_range, plane_view, previous)
-        previous = frame.observation or previous
-        frames.append(frame)
+    """Find the part in one frame after the other (`track_pegs`), estimate its pose, and forecast the insertion."""
+    frames, read = [], []
+
+    def images():
+        for path in tqdm(paths, unit="frame", desc="frames", disable=not progress):
+            try:
+                read.append((path, read_picture(path)))
+            except (ValueError, OSError) as error:
+                frames.append(Frame(path, f"not read: {error}"))
+            else:
+                yield read[-1][1].image
+
+    for seen in track_pegs(images(), described.part, radius_range=described.radius_range):
+        frames.append(_judged(*read.pop(), seen, described, calibration, plane_view))
     return frames
 
 
-def _frame(path, part, calibration, radius_range, plane_view, previous):
-    try:
-        picture = read_picture(path)
-    except (ValueError, OSError) as error:
-        return Frame(path, f"not read: {error}")
+def _judged(path, picture, seen, described, calibration, plane_view):
+    """The frame with its pose and forecast, as far as they go."""
     notes = "".join(f" ({note})" for note in picture.notes)
-    try:
-        observation = _located(picture.image, part, radius_range, previous)
-    except (DetectionError, ValueError) as error:
-        return Frame(path, f"not found{notes}: {error}")
-    told = "; ".join(observation.flags)
-    seen = f"{observation.states.count('measured')} of {len(observation.states)} discs measured{notes}"
-    seen = f"{seen}; {told}" if told else seen
+    if not seen:
+        return Frame(path, f"not found{notes}: {seen.reason}")
+    fate = f"{seen.states.count('measured')} of {len(seen.states)} discs measured{notes}"
+    fate = "; ".join([fate, *map(str, seen.flags)])
     if calibration is None:
-        return Frame(path, seen, observation)
+        return Frame(path, fate, seen)
     if tuple(calibration.camera.image_size) != picture.size:
-        return Frame(path, f"{seen}; no pose: the frame has another size than the boards' images", observation)
+        return Frame(path, f"{fate}; no pose: the frame has another size than the boards' images", seen)
     plane = None if plane_view is None else calibration.cam_from_object[plane_view]
     try:
-        pose = estimate_pose(observation, calibration, part, plane=plane, plane_view=plane_view)
+        pose = estimate_pose(seen, calibration, described.part, plane=plane, plane_view=plane_view)
     except (CalibrationError, ValueError) as error:
-        return Frame(path, f"{seen}; no pose: {error}", observation)
-    flags = "".join(f"; {flag}" for flag in pose.flags)
-    return Frame(path, f"{seen}{flags}", observation, pose)
-
-
-def _located(image, part, radius_range, previous):
-    """The part with the labels of the frame before, or, where these cannot be carried, with its own."""
+        return Frame(path, f"{fate}; no pose: {error}", seen)
+    fate = "; ".join([fate, *map(str, pose.flags)])
+    if described.wheel is None:
+        return Frame(path, fate, seen, pose)
+    repeatability = described.robot_repeatability
     try:
-        return locate_pegs(image, part, radius_range=radius_range, previous=previous)
-    except DetectionError:
-        if previous is None:
-            raise
-        return locate_pegs(image, part, radius_range=radius_range)
+        forecast = assembly_forecast(pose, described.part, described.wheel, robot_repeatability=repeatability)
+    except CalibrationError as error:
+        return Frame(path, f"{fate}; no forecast: {error}", seen, pose)
+    return Frame(path, fate, seen, pose, forecast)

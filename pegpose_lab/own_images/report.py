@@ -54,7 +54,12 @@ def as_html(
     if any(one.used for one in boards):
         parts += [_coverage(boards), _gallery([_board_thumbnail(one) for one in boards if one.used][:MOST_SHOWN])]
     if frames:
-        parts += ["<h2>Frames of the part</h2>", _poses(frames), _fates([(one.path.name, one.fate) for one in frames])]
+        parts += [
+            "<h2>Frames of the part</h2>",
+            _poses(frames),
+            _forecasts(frames),
+            _fates([(one.path.name, one.fate) for one in frames]),
+        ]
         parts.append(_gallery([_frame_thumbnail(one) for one in frames if one.observation is not None][:MOST_SHOWN]))
     return "\n".join([*parts, "</body></html>\n"])
 
@@ -173,3 +178,26 @@ def _poses(frames):
     return "<p>Place of the part in the camera's frame, ± one standard deviation.</p>" + _table(
         header, rows, range(1, 6)
     )
+
+
+def _forecasts(frames):
+    """Whether the wheel that is described would go on."""
+    told = [(one.path.name, one.forecast) for one in frames if one.forecast is not None]
+    if not told:
+        return ""
+    rows = [
+        [
+            name,
+            f"{100 * one.probabilities['free']:.1f}",
+            f"{100 * one.enters:.1f}",
+            one.limiting_peg,
+            f"{one.free_clearance:.3f}",
+        ]
+        for name, one in told
+    ]
+    header = ["frame", "goes on freely (%)", "enters at all (%)", "limiting peg", "clearance for 99.9 % (mm)"]
+    text = (
+        "Chance that the wheel goes on, from the pose's covariance and the robot's repeatability; the calibration of the "
+        "camera to the robot adds an error of its own."
+    )
+    return f"<p>{text}</p>" + _table(header, rows, range(1, 5))

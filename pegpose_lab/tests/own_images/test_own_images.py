@@ -49,7 +49,8 @@ def test_the_sample_gives_camera_and_poses(run):
 def test_everything_written_is_read_back(run, sample):
     folder = sample / "pegpose"
     assert {path.name for path in run.files} == {
-        "camera.yaml", "camera_info.yaml", "corners.csv", "poses.csv", "pose.yaml", "report.html",
+        "camera.yaml", "camera_info.yaml", "corners.csv", "poses.csv", "pose.yaml", "forecasts.csv",
+        "report.html",
     }  # fmt: skip
     camera = pl.Calibration.load(folder / "camera.yaml")
     assert camera.rms == pytest.approx(run.calibration.rms)
@@ -60,6 +61,15 @@ def test_everything_written_is_read_back(run, sample):
     assert len(corners) == 5 * 48 and corners["image"].nunique() == 5
     assert (pl.read_pose_table(folder / "poses.csv")["status"] == "").all()
     assert pl.read_detection(folder / "pose.yaml").frame_id == "camera"
+
+
+def test_the_forecast_is_that_of_the_described_wheel(run, sample):
+    table = pd.read_csv(sample / "pegpose" / "forecasts.csv")
+    told = pl.assembly_forecast(run.frames[2].pose, pl.Hub(), pl.Wheel(clearance=0.1), robot_repeatability=0.05)
+    assert table["frame"].tolist() == [one.path.name for one in run.frames]
+    assert table.loc[2, "free"] == pytest.approx(told.probabilities["free"])
+    assert table.loc[2, "free_clearance_mm"] == pytest.approx(told.free_clearance)
+    assert "goes on freely" in (sample / "pegpose" / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_report_is_one_page_by_itself(run, sample):
@@ -177,6 +187,12 @@ def test_a_folder_without_boards_says_so(sample, tmp_path):
         ("board: {columns: 8, rows: 6}\nframe: x\n", "frame is unknown"),
         ("board: {columns: 8, rows: 6}\npart: {n_pegs: 4}\nring: {n: 4}\n", "both part and ring"),
         ("board: [", "is no YAML"),
+        ("board: {columns: 8, rows: 6}\nwheel: {clearance: 0.1}\n", "wheel needs a part with pegs"),
+        ("board: {columns: 8, rows: 6}\npart: {n_pegs: 4}\nwheel: {clearance: -1}\n", "wheel: clearance"),
+        ("board: {columns: 8, rows: 6}\npart: {n_pegs: 4}\nwheel: 0.1\n", "wheel is 0.1"),
+        ("board: {columns: 8, rows: 6}\nradius_range: [60, 20]\n", "radius_range"),
+        ("board: {columns: 8, rows: 6}\nradius_range: 60\n", "radius_range is 60"),
+        ("board: {columns: 8, rows: 6}\nrobot_repeatability: -1\n", "robot_repeatability"),
     ],
 )
 def test_unusable_descriptions_say_why(tmp_path, text, reason):
@@ -200,6 +216,15 @@ def test_a_plane_must_be_one_of_the_boards(sample, tmp_path):
     (tmp_path / "pegpose.yaml").write_text(text)
     with pytest.raises(ValueError, match="plane is 'nowhere.png'"):
         run_folder(tmp_path, workers=1, progress=False)
+
+
+def test_a_wheel_fits_the_part_where_nothing_else_is_said():
+    values = {
+        "board": {"columns": 8, "rows": 6},
+        "part": {"n_pegs": 5, "pitch_circle_diameter": 80.0},
+        "wheel": {"chamfer": 2.0},
+    }
+    assert Description.of(values).wheel == pl.Wheel(n_holes=5, pitch_circle_diameter=80.0, chamfer=2.0)
 
 
 def test_rings_are_described_too():
