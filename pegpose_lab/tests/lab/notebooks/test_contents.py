@@ -30,8 +30,10 @@ def test_links_lead_to_the_neighbours(path):
     cells = nbformat.read(path, as_version=4).cells
     number = PATHS.index(path)
     for neighbour in PATHS[max(number - 1, 0) : number] + PATHS[number + 1 : number + 2]:
-        assert f"({neighbour.name})" in cells[-1].source
-        assert number == 0 or f"({neighbour.name})" in cells[0].source
+        title = re.search("^# (.+)$", nbformat.read(neighbour, as_version=4).cells[0].source, re.MULTILINE)[1]
+        link = f"[{title}]({neighbour.name})" if neighbour != PATHS[0] else f"({neighbour.name})"
+        assert link in cells[-1].source
+        assert number == 0 or link in cells[0].source
     linked = re.findall(
         r"\]\(([^)#:]+\.ipynb)\)", "".join(cell.source for cell in cells if cell.cell_type == "markdown")
     )
