@@ -70,10 +70,19 @@ def plot_image_map(
     filled = ax.contourf(image_map.x, image_map.y, values, cmap="cividis", **style)
     bar = ax.figure.colorbar(filled, ax=ax, label=image_map.label, shrink=0.85)
     if logarithmic:
-        bar.set_ticks(filled.levels[::5], labels=[f"{level:.2g}" for level in filled.levels[::5]])
+        ticks = _round_values(filled.levels[0], filled.levels[-1])
+        bar.set_ticks(ticks, labels=[f"{value:g}" for value in ticks])
         bar.minorticks_off()
     for points in image_points:
         ax.plot(*np.transpose(points), ".", color="white", markersize=DOT, alpha=0.6)
     ax.set(xlim=image_map.x[[0, -1]], ylim=image_map.y[[-1, 0]], aspect="equal", title=title)
     ax.set(xlabel="x (px)", ylabel="y (px)")
     return filled
+
+
+def _round_values(low, high):
+    """1, 2 and 5 times powers of ten from low to high; the ends where there are fewer than two of them."""
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.log10(high) + 1)
+    values = np.outer(decades, (1, 2, 5)).ravel()
+    inside = values[(values >= low) & (values <= high)]
+    return inside if len(inside) > 1 else np.array([low, high])

@@ -54,5 +54,7 @@ def test_a_logarithmic_map_shows_three_decades_at_most(maps):
         levels, high = filled.levels, drawn.values.max()
         assert_allclose(levels[1:] / levels[:-1], levels[1] / levels[0])
         assert_allclose(levels[[0, -1]], [max(drawn.values.min(), high / 1000), high])
+        marks = [float(label.get_text()) for label in fig.axes[-1].get_yticklabels()]
+        assert len(marks) > 1 and {f"{mark:e}"[0] for mark in marks} <= set("125")
     fig.draw_without_rendering()
     plt.close(fig)
