@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 LEVELS, DECADES = 16, 1000.0
 """Colours of a map, and the largest ratio of its values that a logarithmic one shows: below it all is as good as none."""
 
+DIGITS = 3
+"""Decimal places of the logarithm of a value that is drawn, so that another machine's rounding moves no colour."""
+
 DOT = 1.5
 """Points, the size of a drawn corner: thousands of corners leave the map visible."""
 
@@ -64,9 +67,10 @@ def plot_image_map(
     """
     values, style = image_map.values, {"levels": LEVELS}
     if logarithmic:
-        low, high = max(values.min(), values.max() / DECADES), values.max()
+        exponents = np.round(np.log10(np.maximum(values, values.max() / DECADES)), DIGITS)
+        values = 10**exponents
+        low, high = values.min(), values.max()
         style = {"levels": np.geomspace(low, high, LEVELS), "norm": LogNorm(low, high)}
-        values = np.clip(values, low, high)
     filled = ax.contourf(image_map.x, image_map.y, values, cmap="cividis", **style)
     bar = ax.figure.colorbar(filled, ax=ax, label=image_map.label, shrink=0.85)
     if logarithmic:
