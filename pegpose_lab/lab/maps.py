@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 LEVELS, DECADES = 16, 1000.0
 """Colours of a map, and the largest ratio of its values that a logarithmic one shows: below it all is as good as none."""
 
+DIGITS = 3
+"""Decimal places of the logarithm of a value that is drawn, so that another machine's rounding moves no colour."""
+
 DOT = 1.5
 """Points, the size of a drawn corner: thousands of corners leave the map visible."""
 
@@ -64,16 +67,26 @@ def plot_image_map(
     """
     values, style = image_map.values, {"levels": LEVELS}
     if logarithmic:
-        low, high = max(values.min(), values.max() / DECADES), values.max()
+        exponents = np.round(np.log10(np.maximum(values, values.max() / DECADES)), DIGITS)
+        values = 10**exponents
+        low, high = values.min(), values.max()
         style = {"levels": np.geomspace(low, high, LEVELS), "norm": LogNorm(low, high)}
-        values = np.clip(values, low, high)
     filled = ax.contourf(image_map.x, image_map.y, values, cmap="cividis", **style)
     bar = ax.figure.colorbar(filled, ax=ax, label=image_map.label, shrink=0.85)
     if logarithmic:
-        bar.set_ticks(filled.levels[::5], labels=[f"{level:.2g}" for level in filled.levels[::5]])
+        ticks = _round_values(filled.levels[0], filled.levels[-1])
+        bar.set_ticks(ticks, labels=[f"{value:g}" for value in ticks])
         bar.minorticks_off()
     for points in image_points:
         ax.plot(*np.transpose(points), ".", color="white", markersize=DOT, alpha=0.6)
     ax.set(xlim=image_map.x[[0, -1]], ylim=image_map.y[[-1, 0]], aspect="equal", title=title)
     ax.set(xlabel="x (px)", ylabel="y (px)")
     return filled
+
+
+def _round_values(low, high):
+    """1, 2 and 5 times powers of ten from low to high; the ends where there are fewer than two of them."""
+    decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.log10(high) + 1)
+    values = np.outer(decades, (1, 2, 5)).ravel()
+    inside = values[(values >= low) & (values <= high)]
+    return inside if len(inside) > 1 else np.array([low, high])

@@ -13,7 +13,7 @@ from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
 from .ga_success import REACHED, VARIANTS, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
-from .honest_intervals import correlated_noise, correlated_trials, write_split_halves
+from .honest_intervals import correlated_noise, correlated_trials, interval_coverage, write_split_halves
 from .insertion_rates import AXES, CELLS, curve_table, interval_table, rate_table, run_trials, write_assemblies
 from .measured import load_measured, made_by, write_measured
 from .moving_hub import moving_hub_table, write_moving_hub
@@ -26,7 +26,7 @@ from .segmented_parts import write_parts
 from .servo_cell import frame_at
 from .servo_runs import servo_table, write_servo_runs
 from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, write_rendered_trials
-from .wide_views import views_over_image
+from .wide_views import WIDE_LENSES, views_over_image
 
 __all__ = [
     "AXES",
@@ -39,6 +39,7 @@ __all__ = [
     "PARAMETERS",
     "REACHED",
     "VARIANTS",
+    "WIDE_LENSES",
     "bent_board_trials",
     "bowed_board",
     "compare",
@@ -49,6 +50,7 @@ __all__ = [
     "curve_table",
     "dataset",
     "frame_at",
+    "interval_coverage",
     "interval_table",
     "leave_one_out",
     "load_corners",

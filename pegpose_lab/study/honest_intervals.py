@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import ArrayLike, NDArray
-    from pandas import DataFrame
+    from pandas import DataFrame, Series
 
 
 HALVES = 100
@@ -45,7 +45,50 @@ LENSES = {
 }
 """The lens models of `write_split_halves`: options of `calibrate_joint`."""
 
+NORMAL_95 = 1.959963984540054
+"""Standard deviations of the normal distribution's 95 % interval."""
+
 _CAMERA = ("focal_length", "f_x", "f_y", "c_x", "c_y")
+
+
+def interval_coverage(trials: DataFrame, truth: Series) -> tuple[DataFrame, DataFrame]:
+    """Compare the estimates of many trials, and their stated sigmas, with the truth.
+
+    Parameters
+    ----------
+    trials : DataFrame
+        A row for each trial: a column for each parameter and one with its sigma, as of `monte_carlo`.
+    truth : Series
+        The true value of each parameter.
+
+    Returns
+    -------
+    z : DataFrame
+        Error over stated sigma, a row for each trial, a column for each parameter.
+    table : DataFrame
+        A row for each parameter: the truth, the standard deviation of the estimates, the mean stated sigma, the standard
+        deviation of z, and how many of the 95 % intervals hold the truth (%).
+
+    Examples
+    --------
+    >>> import pandas as pd
+    >>> from pegpose_lab.study import interval_coverage
+    >>> trials = pd.DataFrame({"f": [47.0, 50.0, 48.0, 48.5], "f_sigma": [1.0, 0.5, 1.0, 1.0]})
+    >>> z, table = interval_coverage(trials, pd.Series({"f": 48.0}))
+    >>> z["f"].tolist(), table.loc["f", "95 % intervals that hold it (%)"].item()
+    ([-1.0, 4.0, 0.0, 0.5], 75.0)
+    """
+    estimates = trials[list(truth.index)]
+    sigmas = trials[[f"{name}_sigma" for name in truth.index]].set_axis(truth.index, axis=1)
+    z = (estimates - truth) / sigmas
+    columns = {
+        "truth": truth,
+        "sd of the estimates": estimates.std(),
+        "mean stated sigma": sigmas.mean(),
+        "sd of error / sigma": z.std(),
+        "95 % intervals that hold it (%)": 100 * (z.abs() < NORMAL_95).mean(),
+    }
+    return z, pd.DataFrame(columns)
 
 
 def correlated_noise(points: ArrayLike, length: float, rng: np.random.Generator) -> NDArray[np.float64]:

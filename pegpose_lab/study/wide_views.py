@@ -7,16 +7,47 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from ..camera import FisheyeCamera, OpenCVCamera, Sensor
 from ..checks import as_count, as_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
+    from ..camera import TsaiCamera
     from ..targets import Checkerboard
 
 FEWEST = 25
 """Corners of a board that is used."""
+
+WIDE_SIZE = (1600, 1200)
+
+
+def _matrix(f):
+    """A camera matrix with the principal point a little off the middle, px."""
+    return [[f, 0, 802.0], [0, f, 597.0], [0, 0, 1]]
+
+
+WIDE_LENSES = {
+    "Eq. 3": (Sensor((1.0, 1.0), (802.0, 597.0), WIDE_SIZE).camera(1300.0, kappa1=4e-8), 40, {}),
+    "k1, k2": (OpenCVCamera(_matrix(1000.0), [-0.25, 0.12, 0, 0, 0], WIDE_SIZE), 45, {"coefficients": ("k1", "k2")}),
+    "tangential": (
+        OpenCVCamera(_matrix(1000.0), [-0.1, 0, 2e-3, -1e-3, 0], WIDE_SIZE),
+        45,
+        {"coefficients": ("k1", "k2", "p1", "p2")},
+    ),
+    "action camera": (
+        OpenCVCamera(_matrix(870.0), [-0.35, 0.15, 0, 0, -0.03], WIDE_SIZE),
+        52,
+        {"coefficients": ("k1", "k2", "k3")},
+    ),
+    "equidistant fisheye": (
+        FisheyeCamera(_matrix(500.0), [0.02, -5e-3, 2e-3, -5e-4], WIDE_SIZE),
+        78,
+        {"lens": "equidistant"},
+    ),
+}
+"""Lenses from the paper's model to a fisheye: the camera, the largest angle to its axis (deg) that is seen, and the
+options of `calibrate_joint` for the model that fits it."""
 
 BORDER, MARGIN = 5.0, (1 / 8, 7 / 8)
 """px that stay free at the image's border, and where in the image the boards' first corners are seen, in its size."""

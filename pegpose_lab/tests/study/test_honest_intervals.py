@@ -4,8 +4,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pegpose_lab.study import correlated_noise, correlated_trials, load_measured
+from pegpose_lab.study import correlated_noise, correlated_trials, interval_coverage, load_measured
 from pegpose_lab.study.honest_intervals import HALVES, LENSES, measure_split_halves
+
+
+def test_coverage_of_intervals_that_are_honest_and_of_some_half_as_wide():
+    rng, truth = np.random.default_rng(0), pd.Series({"f": 48.0, "c_x": 800.0})
+    columns = {"f": rng.normal(48.0, 0.2, 4000), "f_sigma": 0.2, "c_x": rng.normal(800.0, 3.0, 4000), "c_x_sigma": 1.5}
+    z, table = interval_coverage(pd.DataFrame(columns), truth)
+    np.testing.assert_allclose(z.std(), [1, 2], rtol=0.05)
+    np.testing.assert_allclose(table["95 % intervals that hold it (%)"], [95, 67.3], atol=1.5)
+    np.testing.assert_allclose(table["sd of the estimates"] / table["mean stated sigma"], z.std())
 
 
 def test_noise_has_the_stated_correlation():
