@@ -4,9 +4,20 @@
 `report` writes the page, `sample` renders images to try it with, and `folder` leads through them.
 """
 
+from .boards import BoardImage
 from .description import Description, read_description
-from .folder import FolderRun, run_folder
+from .folder import FolderRun, forecast_table, run_folder
 from .reading import Picture, read_picture
 from .sample import write_sample
 
-__all__ = ["Description", "FolderRun", "Picture", "read_description", "read_picture", "run_folder", "write_sample"]
+__all__ = [
+    "BoardImage",
+    "Description",
+    "FolderRun",
+    "Picture",
+    "forecast_table",
+    "read_description",
+    "read_picture",
+    "run_folder",
+    "write_sample",
+]

@@ -44,6 +44,12 @@ class BoardImage:
         px.
     used : bool
         Whether the calibration uses it.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> BoardImage(Path("a.png"), "no board found").used
+    False
     """
 
     path: Path

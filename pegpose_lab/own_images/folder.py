@@ -197,7 +197,13 @@ def _written(target, boards, calibration, why_not, frames):
 
 
 def forecast_table(frames: list[Frame]) -> pd.DataFrame:
-    """Of each frame with a forecast: shares of insertions that meet nothing and that enter, and the clearance needed."""
+    """Of each frame with a forecast: shares of insertions that meet nothing and that enter, and the clearance needed.
+
+    Examples
+    --------
+    >>> list(forecast_table([]).columns)
+    ['frame', 'free', 'enters', 'limiting_peg', 'free_clearance_mm']
+    """
     return pd.DataFrame(
         [
             [one.path.name, told.probabilities["free"], told.enters, told.limiting_peg, told.free_clearance]
