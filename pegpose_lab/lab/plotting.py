@@ -125,26 +125,6 @@ def plot_map(ax: Axes, x: ArrayLike, y: ArrayLike, values: ArrayLike) -> Any:
     return filled
 
 
-def plot_error_histogram(
-    ax: Axes,
-    distances: Floats,
-    *,
-    limit: float | None = None,
-    bins: ArrayLike | None = None,
-    color: str = COLORS["genetic"],
-    label: str | None = None,
-) -> None:
-    """Draw a histogram of reprojection distances (Fig. 6), with the share below `limit` in the legend."""
-    edges = np.linspace(0, max(distances.max(), limit or 0) * 1.02, 25) if bins is None else bins
-    if limit is not None:
-        label = f"{label + ': ' if label else ''}{100 * np.mean(distances < limit):.0f} % below {limit:g} px"
-        ax.axvline(limit, color=COLORS["paper"], linestyle=":")
-    ax.hist(distances, bins=edges, color=color, alpha=0.75, label=label)
-    ax.set(xlabel="re-projection distance (px)", ylabel="points")
-    if label:
-        ax.legend()
-
-
 def plot_error_scatter(
     ax: Axes, residuals: Floats, *, color: str = COLORS["genetic"], label: str | None = None, limit: float | None = None
 ) -> None:

@@ -252,15 +252,6 @@ def test_map(axes):
     assert axes.get_xlim() == (-50, 50) and axes.get_ylim() == (-20, 20) and axes.get_aspect() == 1
 
 
-def test_error_histogram(axes):
-    distances = np.array([0.01, 0.02, 0.02, 0.05])
-    plotting.plot_error_histogram(axes, distances, limit=0.03, label="genetic")
-    assert sum(patch.get_height() for patch in axes.patches) == 4
-    (label,) = axes.get_legend_handles_labels()[1]
-    assert label == "genetic: 75 % below 0.03 px"
-    assert axes.lines[0].get_xdata()[0] == 0.03
-
-
 def test_error_scatter(axes):
     residuals = np.random.default_rng(0).normal(0, 0.03, (40, 2))
     plotting.plot_error_scatter(axes, residuals, limit=0.5)

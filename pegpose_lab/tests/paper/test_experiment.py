@@ -50,6 +50,11 @@ def test_frame_1_looks_as_table_2_says(experiment):
     pixels = experiment.camera.project(experiment.hub.peg_centers, experiment.cam_from_hubs[0])
     assert pixels.mean(axis=0) == pytest.approx(table[["x_px", "y_px"]].to_numpy().mean(axis=0), abs=6)
     assert np.abs(pixels - table[["x_px", "y_px"]].to_numpy()).max() < 25  # the plane's tilt is not in Table 2
+    middle = experiment.camera.project([[0.0, 0.0, 0.0]], experiment.cam_from_hubs[0])[0]
+    printed = table[["x_px", "y_px"]].to_numpy()
+    assert middle == pytest.approx(printed.mean(axis=0), abs=1e-6)
+    arms = np.array([pixels[0] - middle, printed[0] - middle])
+    assert abs(np.rad2deg(np.diff(np.arctan2(arms[:, 1], arms[:, 0])).item())) < 1
 
 
 def test_every_peg_is_seen_whole_in_every_frame(experiment):
