@@ -72,8 +72,7 @@ def _plot_shifts(middle, right, camera, straight, along, across):
     right.plot(distance, 1000 * across, "o", color=COLORS["measured"], markersize=4)
     right.set(title="across the radial line", ylabel="shift (0.001 px)", yticks=range(-10, 11, 5))
     for ax in (middle, right):
-        ax.set_xlabel("distance from the principal point (px)", fontsize=9)
-        ax.set_xlim(0, radius[-1])
+        ax.set(xlabel="radius $r$ (px)", xlim=(0, radius[-1]))
 
 
 def plot_linear_bias(
