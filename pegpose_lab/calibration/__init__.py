@@ -25,6 +25,7 @@ from .two_stage.operators import blend_crossover, power_mutation
 from .two_stage.oracle import optimum_in_box
 from .two_stage.ratios import solve_images
 from .two_stage.stages import calibrate_genetic, calibrate_tsai, calibration_at, repeat_calibration
+from .two_stage.tsai import solve_coplanar
 from .uncertainty import ProjectionUncertainty, projection_uncertainty
 from .zhang import calibrate_zhang
 
@@ -57,6 +58,7 @@ __all__ = [
     "profile_focal_length",
     "projection_uncertainty",
     "repeat_calibration",
+    "solve_coplanar",
     "solve_images",
     "split_halves",
     "weakest_direction",

@@ -15,6 +15,7 @@ from .ga_success import REACHED, VARIANTS, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
 from .honest_intervals import correlated_noise, correlated_trials, interval_coverage, write_split_halves
 from .insertion_rates import AXES, CELLS, curve_table, interval_table, rate_table, run_trials, write_assemblies
+from .linear_trials import noisy_solutions, tilt_trials
 from .measured import load_measured, made_by, write_measured
 from .moving_hub import moving_hub_table, write_moving_hub
 from .opencv_corners import sub_pixel_corners
@@ -62,6 +63,7 @@ __all__ = [
     "match_circles",
     "monte_carlo",
     "moving_hub_table",
+    "noisy_solutions",
     "pictures_of_discs",
     "printed_ratio",
     "radial_profile",
@@ -72,6 +74,7 @@ __all__ = [
     "servo_table",
     "sub_pixel_corners",
     "summarize_bent_boards",
+    "tilt_trials",
     "trial_poses",
     "trial_sets",
     "views_over_image",

@@ -124,6 +124,17 @@ def solve_coplanar(object_points: ArrayLike, sensor_points: ArrayLike) -> TsaiSo
         If the input is unusable: fewer than five points, points on a line, or points not on one plane.
     CalibrationError
         If the plane is fronto-parallel within the noise, or f is undetermined for another reason.
+
+    Examples
+    --------
+    >>> from pegpose_lab import Checkerboard, TsaiCamera
+    >>> from pegpose_lab.calibration import solve_coplanar
+    >>> from scipy.spatial.transform import RigidTransform, Rotation
+    >>> camera, board = TsaiCamera(8.0, (0.01, 0.01), (319.5, 239.5), (640, 480)), Checkerboard().object_points
+    >>> pose = RigidTransform.from_components([-90, -70, 500], Rotation.from_rotvec([0.5, 0.2, 0]))
+    >>> found = solve_coplanar(board, camera.to_sensor(camera.project(board, pose)))
+    >>> round(found.focal_length, 3), found.translation.round(1).tolist()
+    (8.0, [-90.0, -70.0, 500.0])
     """
     object_points, sensor_points = as_matched_points(object_points, sensor_points, 5)
     if not is_planar(object_points):

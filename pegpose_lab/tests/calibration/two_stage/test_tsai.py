@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pegpose_lab import CalibrationError, Checkerboard, TsaiCamera
+from pegpose_lab.calibration.two_stage import tsai
 from pegpose_lab.calibration.two_stage.estimate import _sign_of_ty, _solve_ratios
 from pegpose_lab.calibration.two_stage.tsai import solve_coplanar, solve_noncoplanar
 from pegpose_lab.paper import paper_camera, paper_experiment, paper_pose
@@ -103,6 +104,32 @@ def test_origin_on_the_cameras_x_axis(y):
     for solution in (plane, solid):
         assert solution.focal_length == pytest.approx(47.95, rel=1e-8)
         assert solution.translation == pytest.approx(pose.translation, abs=1e-6)
+
+
+def errors_of_f(images, origin):
+    """Relative errors of f with the world's origin elsewhere, infinite where refused."""
+    errors = []
+    for image in images:
+        try:
+            errors.append(abs(solve_coplanar(world_board() - origin, image).focal_length / 47.95 - 1))
+        except CalibrationError:
+            errors.append(np.inf)
+    return np.array(errors)
+
+
+@pytest.mark.parametrize("ty", [0.0, 0.03, -10.0])
+def test_the_origin_s_place_costs_no_accuracy(monkeypatch, ty):
+    """Without the guard, T_y = 0 loses many trials and T_y = 0.03 mm accuracy; with it f is the same wherever it lies."""
+    images = [sensor(PIN_HOLE, world_board(), paper_pose(), 0.1, [41, trial]) for trial in range(100)]
+    origin = [*np.linalg.solve(paper_pose().rotation.as_matrix()[:2, :2], [60, ty] - paper_pose().translation[:2]), 0]
+    assert np.percentile(errors_of_f(images, origin), 90) == pytest.approx(0.0070, abs=0.0003)
+    monkeypatch.setattr(tsai, "SMALLEST_TY", 0.0)
+    unguarded = errors_of_f(images, origin)
+    if ty == 0:
+        assert np.mean(np.isinf(unguarded)) > 0.1
+    else:
+        bound = np.percentile(unguarded, 90)
+        assert bound > 0.015 if ty == 0.03 else bound < 1.25 * 0.0070
 
 
 def test_a_zero_in_r3_or_r6_keeps_all_digits():
