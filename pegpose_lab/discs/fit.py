@@ -55,7 +55,10 @@ def _settle(image, ellipses):
         moved = _distance(ellipse[todo], found.ellipse)
         solution.update(todo, found)
         reasons[todo[singular]] = "no edge"
-        reasons[todo[~singular & ~_inside(found.ellipse, image.shape)]] = "leaves the image"
+        outside = ~singular & ~_inside(found.ellipse, image.shape)
+        lost = outside & (_distance(ellipses[todo], found.ellipse) > RING)  # it ran away from where the disc is
+        reasons[todo[outside]] = "leaves the image"
+        reasons[todo[lost]], solution.converged[todo[lost]] = "does not converge", False
         todo = todo[
             ((moved >= 1) | (_is_wide(found) & (_ring_width(found.log_s) > widths + 1))) & (reasons[todo] == "")
         ]

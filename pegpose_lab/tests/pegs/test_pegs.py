@@ -16,7 +16,7 @@ from pegpose_lab.pegs.hidden import _seen_pegs
 from pegpose_lab.pegs.measure import _check_fits, _flags_of, _homography
 from pegpose_lab.pegs.rings import _rings_around
 from pegpose_lab.pose import estimate_pose
-from pegpose_lab.render import render_hub
+from pegpose_lab.render import HubLook, render_hub
 from pegpose_lab.targets import Hub
 from pegpose_lab.tests.pegs.hubs import CAMERA, HUB, assert_seen, pose_of, rendered, truth
 
@@ -214,3 +214,22 @@ def test_unusable_images(image):
 def test_unusable_previous():
     with pytest.raises(ValueError, match="previous"):
         locate_pegs(rendered(0), HUB, previous=SimpleNamespace(peg_centers=np.zeros((3, 2))))
+
+
+@pytest.mark.parametrize("background", [160, 220, 240])
+def test_a_peg_before_a_bright_background_is_not_said_to_leave_the_image(background):
+    """Its fit runs away along the background's edge, and may then end outside."""
+    experiment = paper_experiment()
+    look = HubLook(background=background)
+    image = render_hub(
+        experiment.camera,
+        experiment.cam_from_hubs[0],
+        experiment.hub,
+        look=look,
+        blur=experiment.blur,
+        noise=experiment.noise,
+        rng=1,
+    )
+    seen = locate_pegs(image, experiment.hub)
+    assert seen.states == ("missing", "measured", "measured", "measured")
+    assert len(seen.flags) == 1 and "leaves the image" not in seen.flags[0]
