@@ -11,7 +11,7 @@ from .circle_counts import match_circles, pictures_of_discs, write_circle_counts
 from .datasets import dataset
 from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
-from .ga_success import REACHED, VARIANTS, trial_sets, write_success
+from .ga_success import REACHED, VARIANTS, success_shares, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
 from .honest_intervals import correlated_noise, correlated_trials, interval_coverage, write_split_halves
 from .insertion_rates import AXES, CELLS, curve_table, interval_table, rate_table, run_trials, write_assemblies
@@ -19,6 +19,7 @@ from .linear_trials import noisy_solutions, tilt_trials
 from .measured import load_measured, made_by, write_measured
 from .moving_hub import moving_hub_table, write_moving_hub
 from .opencv_corners import sub_pixel_corners
+from .operator_trials import good_children, operator_trials, printed_effect
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
 from .real_hand_eyes import write_hand_eyes
 from .real_rings import write_real_rings
@@ -51,6 +52,7 @@ __all__ = [
     "curve_table",
     "dataset",
     "frame_at",
+    "good_children",
     "interval_coverage",
     "interval_table",
     "leave_one_out",
@@ -64,15 +66,18 @@ __all__ = [
     "monte_carlo",
     "moving_hub_table",
     "noisy_solutions",
+    "operator_trials",
     "pictures_of_discs",
+    "printed_effect",
     "printed_ratio",
     "radial_profile",
-    "rayleigh_counts",
     "rate_table",
+    "rayleigh_counts",
     "run_trials",
     "search",
     "servo_table",
     "sub_pixel_corners",
+    "success_shares",
     "summarize_bent_boards",
     "tilt_trials",
     "trial_poses",

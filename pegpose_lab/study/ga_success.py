@@ -42,6 +42,9 @@ VARIANTS = {
 }
 """The genetic algorithm of this package, and the one that the paper prints: options of `calibrate_genetic`."""
 
+GROUPS = {"paper": "paper's view", "rendered": "5 rendered views", "left": "13 photographs"}
+"""First letters of the views' names in `trial_sets`, and the name of each group."""
+
 
 # --- success over seeds ----------------------------------------------------------------------------------
 
@@ -118,6 +121,38 @@ def _success(name, object_points, image_points, camera, variant, seeds):
     runs = repeat_calibration(object_points, image_points, camera, rngs, **VARIANTS[variant])
     excess = np.maximum(np.array([run.mean_distance for run in runs]) - optimum, 0)
     return name, variant, optimum, seeds, int(np.sum(excess <= REACHED)), float(np.median(excess)), float(excess.max())
+
+
+def success_shares(rates: DataFrame) -> DataFrame:
+    """The shares of runs that reach the optimum, the views taken together in groups.
+
+    Parameters
+    ----------
+    rates : DataFrame
+        As `success_rates` returns, with the same number of seeds on each view.
+
+    Returns
+    -------
+    DataFrame
+        A row for each variant and group ("paper's view", "5 rendered views", "13 photographs"): runs, reached, share
+        (%), and sigma (%), its standard error from the runs on each view, which are independent.  The views are these,
+        not a sample of all views.
+
+    Examples
+    --------
+    >>> from pegpose_lab import study
+    >>> shares = study.success_shares(study.load_measured("ga_success"))
+    >>> len(shares), int(shares["runs"].max()), float(shares["share"].max())
+    (15, 1300, 100.0)
+    """
+    views = rates["view"].str.extract(rf"^({'|'.join(GROUPS)})")[0].map(GROUPS)
+    rows = []
+    for (variant, name), group in rates.groupby(["variant", views], sort=False):
+        runs, reached = int(group["seeds"].sum()), int(group["reached"].sum())
+        share = group["reached"] / group["seeds"]
+        sigma = np.sqrt(np.sum(share * (1 - share) / group["seeds"])) / len(group)
+        rows.append((variant, name, runs, reached, *(100 * x for x in (reached / runs, sigma))))
+    return pd.DataFrame(rows, columns=["variant", "views", "runs", "reached", "share", "sigma"])
 
 
 def write_success(folder: Path = MEASURED_FOLDER) -> None:
