@@ -19,6 +19,7 @@ from .measured import load_measured, made_by, write_measured
 from .moving_hub import moving_hub_table, write_moving_hub
 from .opencv_corners import sub_pixel_corners
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
+from .pose_errors import PoseErrors, aligned_distances, covariance_in_plane, errors_in_plane, pose_errors
 from .real_hand_eyes import write_hand_eyes
 from .real_rings import write_real_rings
 from .sector_corners import load_sector_corners, write_sector_corners
@@ -39,15 +40,19 @@ __all__ = [
     "PARAMETERS",
     "REACHED",
     "VARIANTS",
+    "PoseErrors",
+    "aligned_distances",
     "bent_board_trials",
     "bowed_board",
     "compare",
     "correlated_noise",
     "correlated_trials",
     "count_below",
+    "covariance_in_plane",
     "coverage",
     "curve_table",
     "dataset",
+    "errors_in_plane",
     "frame_at",
     "interval_table",
     "leave_one_out",
@@ -61,6 +66,7 @@ __all__ = [
     "monte_carlo",
     "moving_hub_table",
     "pictures_of_discs",
+    "pose_errors",
     "printed_ratio",
     "radial_profile",
     "rayleigh_counts",
