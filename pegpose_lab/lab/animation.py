@@ -59,7 +59,8 @@ def save_animation(
     """
     from PIL import Image  # Pillow comes with matplotlib
 
-    known, entries = palette(colors), {}
+    known = palette(colors)
+    entries: dict[int, int] = {}  # palette's numbers by colour
     frames = []
     for picture in pictures:
         frame = Image.fromarray(_nearest(np.asarray(picture), known, entries))

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .assembly_trials import PLANE_VIEW
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
     from ..paper import Experiment
     from ..pose import HubPose
 
-PLANE_VIEW = 4  # the board that lies in the plane of the peg tops
 _FINE = np.array([1e3, 1e3, 1e3, *np.degrees([1e3] * 3)])  # mm to µm, rad to thousandths of a degree
 
 

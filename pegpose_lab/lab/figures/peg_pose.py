@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.patheffects import withStroke
@@ -26,11 +26,11 @@ QUANTITIES = ("x", "y", r"$\theta$")
 CHI2_95 = 5.991  # 95 % of chi squared with two degrees of freedom
 LONGER, KEY = 90, 0.2  # the shifts' arrows are so many times longer than the shifts; length of the key's arrow, px
 OUTWARDS = 0.09  # a peg's number stands beyond its centre, by so much of the distance from the hub's
-_LIGHT = {"color": "0.85", "linewidth": 0.8, "zorder": 0}
+_LIGHT: dict[str, Any] = {"color": "0.85", "linewidth": 0.8, "zorder": 0}
 
 
 def plot_equation11(
-    axes: Sequence[Axes], directions: ArrayLike, angles: Mapping[str, ArrayLike], frames: ArrayLike
+    axes: Sequence[Axes], directions: ArrayLike, angles: Mapping[str, ArrayLike], frames: Floats
 ) -> None:
     """Draw the angle found against the true direction of peg 1, deg, one of the axes for each formula of `angles`.
 
@@ -53,7 +53,7 @@ def plot_equation11(
     axes[0].set_ylabel("angle found (deg)")
 
 
-def plot_square(ax: Axes, corners: Floats, lengths: ArrayLike, title: str, *, color: str) -> None:
+def plot_square(ax: Axes, corners: Floats, lengths: Floats, title: str, *, color: str) -> None:
     """Draw four pegs (4, 2) px with their numbers, and the length of each side, mm, on it."""
     plot_quadrilateral(ax, corners, color=color)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 2}
@@ -61,7 +61,7 @@ def plot_square(ax: Axes, corners: Floats, lengths: ArrayLike, title: str, *, co
         zip(corners, np.roll(corners, -1, axis=0), lengths, strict=True), 1
     ):
         ax.annotate(str(number), corner, xytext=(7, 5), textcoords="offset points", color=color, weight="bold")
-        ax.text(*(corner + following) / 2, f"{length:.1f} mm", color=color, ha="center", va="center", bbox=box)
+        ax.text(*((corner + following) / 2), f"{length:.1f} mm", color=color, ha="center", va="center", bbox=box)
     ax.set_title(title)
     ax.margins(0.12)
 
@@ -82,7 +82,7 @@ def plot_hub_pose(
         ax.plot(*np.vstack([rim, rim[:1]]).T, color=color)
         place = (1 + OUTWARDS) * rim.mean(axis=0) - OUTWARDS * middle  # line 1 ends at the centre of peg 1
         ax.text(*place, str(number), color=color, ha="center", va="center", weight="bold", fontsize=size)
-    rimmed = {"color": SERIES[4], "path_effects": [withStroke(linewidth=3.0, foreground="black")]}
+    rimmed: dict[str, Any] = {"color": SERIES[4], "path_effects": [withStroke(linewidth=3.0, foreground="black")]}
     ax.plot(*np.transpose([middle, end]), linewidth=1.6, **rimmed)
     ax.plot(*middle, "o", markersize=4.5, markeredgecolor="black", **rimmed)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -61,14 +61,15 @@ def draw_poses(
     left, right, top, bottom = limits
     height = round(WIDTH * (bottom - top) / (right - left))
     for image, pose, text in zip(images, poses, texts, strict=True):
-        fig = Figure((WIDTH / 100, (height + READOUT) / 100), dpi=100, layout="none", facecolor="black")
+        fig = Figure((WIDTH / 100, (height + READOUT) / 100), dpi=100, facecolor="black")
+        fig.set_layout_engine("none")
         canvas = FigureCanvasAgg(fig)
         ax = fig.add_axes((0, READOUT / (height + READOUT), 1, height / (height + READOUT)))
         shown, extent = _smaller(image, left, right, top, bottom), (left - 0.5, right - 0.5, bottom - 0.5, top - 0.5)
         ax.imshow(shown, extent=extent, vmin=DARK, vmax=BRIGHT, cmap="gray", interpolation="nearest", aspect="auto")
         ax.set_axis_off()
         plot_hub_pose(ax, camera, pose.cam_from_hub, hub, size=9)
-        style = {"ha": "center", "va": "center", "family": "DejaVu Sans Mono", "fontsize": 8.5}
+        style: dict[str, Any] = {"ha": "center", "va": "center", "family": "DejaVu Sans Mono", "fontsize": 8.5}
         fig.text(0.5, 0.5 * READOUT / (height + READOUT), text, color="white", **style)
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[..., :3].copy()

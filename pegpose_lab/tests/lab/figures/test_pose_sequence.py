@@ -13,7 +13,9 @@ LIMITS = (40, 1000, 10, 650)
 def _poses(count):
     truth = paper_experiment()
     return [
-        SimpleNamespace(cam_from_hub=truth.cam_from_hubs[k], x=truth.shifts[k] + 30, y=-0.001, theta=truth.thetas[k])
+        SimpleNamespace(
+            cam_from_hub=truth.cam_from_hubs[k], x=truth.shifts[k] + 30, y=-0.001, theta=np.radians(-141.2 - 3 * k)
+        )
         for k in range(count)
     ]
 
@@ -21,7 +23,7 @@ def _poses(count):
 def test_readouts_count_from_the_origin():
     first, second = pose_sequence.readouts(_poses(2), (30.0, 0.0))
     assert first == "frame  1   x   0.00 mm   y  0.00 mm   θ \u2212141.20°"
-    assert second == "frame  2   x   1.50 mm   y  0.00 mm   θ \u2212144.21°"
+    assert second == "frame  2   x   1.50 mm   y  0.00 mm   θ \u2212144.20°"
     assert len(first) == len(second)
 
 
