@@ -21,6 +21,7 @@ from .moving_hub import moving_hub_table, write_moving_hub
 from .opencv_corners import sub_pixel_corners
 from .operator_trials import good_children, operator_trials, printed_effect
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
+from .pose_errors import PoseErrors, aligned_distances, covariance_in_plane, errors_in_plane, pose_errors
 from .real_hand_eyes import write_hand_eyes
 from .real_rings import write_real_rings
 from .sector_corners import load_sector_corners, write_sector_corners
@@ -42,15 +43,19 @@ __all__ = [
     "REACHED",
     "VARIANTS",
     "WIDE_LENSES",
+    "PoseErrors",
+    "aligned_distances",
     "bent_board_trials",
     "bowed_board",
     "compare",
     "correlated_noise",
     "correlated_trials",
     "count_below",
+    "covariance_in_plane",
     "coverage",
     "curve_table",
     "dataset",
+    "errors_in_plane",
     "frame_at",
     "good_children",
     "interval_coverage",
@@ -68,6 +73,7 @@ __all__ = [
     "noisy_solutions",
     "operator_trials",
     "pictures_of_discs",
+    "pose_errors",
     "printed_effect",
     "printed_ratio",
     "radial_profile",

@@ -29,6 +29,7 @@ ORDER = (
         "lab.style",
         "lab.image_plots",
         "lab.plotting",
+        "lab.animation",
         "lab.maps",
     ),
     ("paper", "paper.claims", "paper.diagrams"),

@@ -74,8 +74,9 @@ def files_agree(stored: Path, fresh: Path) -> bool:
     Parameters
     ----------
     stored, fresh : Path
-        Two tables or texts, two figures (PNG, compared by `figure_digest` and by pixels), or two files of any other
-        kind, which must be equal byte by byte.  A missing file does not agree with any file.
+        Two tables or texts, two figures (PNG, compared by `figure_digest` and by pixels), two animations (GIF, compared
+        by their descriptions, times and pixels), or two files of any other kind, which must be equal byte by byte.  A
+        missing file does not agree with any file.
     """
     stored, fresh = Path(stored), Path(fresh)
     if not (stored.is_file() and fresh.is_file()):
@@ -85,6 +86,8 @@ def files_agree(stored: Path, fresh: Path) -> bool:
         return True
     if stored.suffix == ".png":
         return _images_agree(stored, fresh)
+    if stored.suffix == ".gif":
+        return _animations_agree(stored, fresh)
     if stored.suffix in (".csv", ".tex", ".md"):
         return texts_agree(*(content.decode("utf-8") for content in contents))
     return False
@@ -100,6 +103,27 @@ def _images_agree(stored, fresh):
             pixels = [np.asarray(image.convert("RGB"), dtype=float) for image in (one, other)]
     except OSError:  # one of them is not an image, or is damaged
         return False
-    if pixels[0].shape != pixels[1].shape or not texts_agree(*digests):
+    return texts_agree(*digests) and _pixels_agree(*pixels)
+
+
+def _animations_agree(stored, fresh):
+    """Whether two animations agree, by their descriptions and times, and by the pixels of each frame."""
+    from PIL import Image, ImageSequence
+
+    try:
+        with Image.open(stored) as one, Image.open(fresh) as other:
+            if not texts_agree(*(image.info.get("comment", b"").decode("utf-8") for image in (one, other))):
+                return False
+            pairs = zip(ImageSequence.Iterator(one), ImageSequence.Iterator(other), strict=True)
+            return all(
+                frames[0].info.get("duration") == frames[1].info.get("duration")
+                and _pixels_agree(*(np.asarray(frame.convert("RGB"), dtype=float) for frame in frames))
+                for frames in pairs
+            )
+    except (OSError, ValueError, IndexError):  # damaged, or of different lengths
         return False
-    return bool(np.sqrt(np.mean(np.square(pixels[0] - pixels[1]))) <= IMAGE_TOLERANCE)
+
+
+def _pixels_agree(stored, fresh):
+    """Whether two images have one size and differ by no more than the tolerance."""
+    return stored.shape == fresh.shape and bool(np.sqrt(np.mean(np.square(stored - fresh))) <= IMAGE_TOLERANCE)

@@ -72,7 +72,8 @@ def reproduce(
         Time limit for a single cell, s.
     update : bool
         Also store the outputs in the notebooks, without what changes from run to run.  Then all figures and results
-        are moved, because a notebook and its files must come from the same run.
+        are moved, because a notebook and its files must come from the same run; of animations, which no notebook
+        contains, only those that changed.
 
     Raises
     ------
@@ -224,7 +225,10 @@ def _files(folder):
 
 def _publish(scratch, output, *, all_files=False):
     """Copy the changed files next to their destinations, then move all of them, so that none is ever incomplete."""
-    chosen = [path.relative_to(scratch) for path in _files(scratch)] if all_files else changed_files(scratch, output)
+    chosen = changed_files(scratch, output)
+    if all_files:
+        files = [path.relative_to(scratch) for path in _files(scratch)]
+        chosen = [path for path in files if path in chosen or path.suffix != ".gif"]
     with ExitStack() as moves:
         for name in chosen:
             part = moves.enter_context(replacing(output / name))

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pegpose_lab.lab import figure_digest, plotting
+from pegpose_lab.lab import animation, figure_digest, plotting
 from pegpose_lab.lab.notebooks.agreement import IMAGE_TOLERANCE, files_agree, texts_agree
 from pegpose_lab.lab.notebooks.testing import PrintedText
 
@@ -147,3 +147,36 @@ def test_the_image_tolerance_lies_between_noise_and_fault(tmp_path):
     assert difference(change=lambda ax: ax.set_title("E = 0.124 px")) < IMAGE_TOLERANCE / 2
     assert difference(change=lambda ax: ax.set_xlabel("")) > 1.5 * IMAGE_TOLERANCE
     assert difference(change=lambda ax: ax.lines[1].remove()) > 1.5 * IMAGE_TOLERANCE
+
+
+def _animation(folder, name, change=0, **options):
+    """A saved animation of two pictures of a bar that moves; `change` grey values are added in every fourth column."""
+    pictures = [np.full((40, 60, 3), 94, np.uint8) for _ in range(2)]
+    for k, picture in enumerate(pictures):
+        picture[:, ::4] += np.uint8(change)
+        picture[options.pop("row", 5) : 15, 10 * k : 10 * k + 12] = 230
+    path = animation.save_animation(pictures, name, options.pop("text", "x 1.50 mm"), **options)
+    return path.rename(folder / f"{name}.gif")
+
+
+def test_animations_agree_within_a_grey_value(tmp_path, monkeypatch):
+    monkeypatch.setenv("PEGPOSE_OUTPUT", str(tmp_path))
+    stored = _animation(tmp_path, "stored")
+    bits = _animation(tmp_path, "bits", change=1)
+    assert stored.read_bytes() != bits.read_bytes() and files_agree(stored, bits)
+    assert files_agree(stored, _animation(tmp_path, "digit", text="x 1.51 mm"))
+
+
+@pytest.mark.parametrize("fault", [{"change": 30}, {"text": "x 1.52 mm"}, {"duration": 80}, {"row": 10}])
+def test_a_fault_in_an_animation_is_told(tmp_path, monkeypatch, fault):
+    monkeypatch.setenv("PEGPOSE_OUTPUT", str(tmp_path))
+    assert not files_agree(_animation(tmp_path, "stored"), _animation(tmp_path, "faulty", **fault))
+
+
+def test_an_animation_that_lacks_a_frame_or_is_damaged_agrees_with_none(tmp_path, monkeypatch):
+    monkeypatch.setenv("PEGPOSE_OUTPUT", str(tmp_path))
+    stored, damaged = _animation(tmp_path, "stored"), tmp_path / "damaged.gif"
+    short = animation.save_animation([np.full((40, 60, 3), 94, np.uint8)], "short", "x 1.50 mm")
+    damaged.write_bytes(stored.read_bytes()[:30])
+    for other in (short, damaged):
+        assert not files_agree(stored, other) and not files_agree(other, stored)

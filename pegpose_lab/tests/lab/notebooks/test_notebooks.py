@@ -114,6 +114,15 @@ def test_every_saved_figure_is_shown_once():
     assert sorted(names) == sorted(f"figures/{path.name}" for path in (CHECKOUT / "figures").glob("*.png"))
 
 
+def test_every_animation_is_shown_once_and_is_small():
+    """By Markdown with an alternative text, so that no notebook contains its bytes."""
+    prose = "\n".join(cell.source for path in NOTEBOOKS for cell in nbformat.read(path, as_version=4).cells)
+    shown = re.findall(r"!\[([^\]]+)\]\(\.\./figures/(\w+\.gif)\)", prose)
+    files = sorted((CHECKOUT / "figures").glob("*.gif"))
+    assert sorted(name for _, name in shown) == [path.name for path in files]
+    assert all(len(text.split()) >= 5 for text, _ in shown) and all(path.stat().st_size <= 2**20 for path in files)
+
+
 def test_every_figure_says_what_it_shows(notebook):
     told = [output.metadata.get("image/png", {}).get("alt", "") for output in _figures(notebook)]
     assert all(len(text.split()) >= 5 for text in told)

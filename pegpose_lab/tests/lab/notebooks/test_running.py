@@ -9,11 +9,12 @@ import time
 from pathlib import Path
 
 import nbformat
+import numpy as np
 import pytest
 from nbformat.v4 import new_code_cell, new_notebook
 
 from pegpose_lab import __main__ as commands
-from pegpose_lab.lab import front_page, page, plotting
+from pegpose_lab.lab import animation, front_page, page, plotting
 from pegpose_lab.lab.notebooks import running
 from pegpose_lab.tests.commands import WRITE, _start
 
@@ -202,3 +203,28 @@ def _is_alive(pid):
     except ProcessLookupError:
         return False
     return True
+
+
+@pytest.mark.parametrize("all_files", [False, True])
+def test_an_animation_that_looks_the_same_is_not_rewritten(tmp_path, monkeypatch, all_files):
+    """Also when the notebooks are stored anew: they do not contain it."""
+    output = tmp_path / "output"
+
+    def save(folder, name, grey):
+        monkeypatch.setenv("PEGPOSE_OUTPUT", str(folder))
+        picture = np.full((9, 9, 3), 94, np.uint8)
+        picture[:, ::4] = grey  # 94 and 95 get neighbouring greys of the palette
+        animation.save_animation([picture], name, "grey", duration=100)
+
+    with running.scratch_output() as scratch:
+        for name, before, after in (("same", 94, 95), ("other", 94, 190)):
+            save(output, name, before)
+            save(scratch, name, after)
+        save(scratch, "new", 90)
+        old = _contents(output)
+        fresh = _contents(scratch)
+        running._publish(scratch, output, all_files=all_files)
+        assert running.changed_files(scratch, output) == []
+    now = _contents(output)
+    assert now["figures/same.gif"] == old["figures/same.gif"] != fresh["figures/same.gif"]
+    assert all(now[f"figures/{name}.gif"] == fresh[f"figures/{name}.gif"] for name in ("other", "new"))
