@@ -11,6 +11,7 @@ from .circle_counts import match_circles, pictures_of_discs, write_circle_counts
 from .datasets import dataset
 from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
+from .error_numbers import error_numbers, single_views_left_out
 from .ga_success import REACHED, VARIANTS, success_shares, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
 from .honest_intervals import correlated_noise, correlated_trials, interval_coverage, write_split_halves
@@ -22,6 +23,16 @@ from .opencv_corners import sub_pixel_corners
 from .operator_trials import good_children, operator_trials, printed_effect
 from .photographs import GRID_RADIUS, load_corners, load_grid, write_grid, write_left_corners, write_sensitivity
 from .pose_errors import PoseErrors, aligned_distances, covariance_in_plane, errors_in_plane, pose_errors
+from .radius_drift import block_means, chi_squares, radii_over_turn
+from .readings import (
+    eq4_readings,
+    eq6_readings,
+    eq7_readings,
+    eq9_readings,
+    eq10_readings,
+    eq11_readings,
+    label_readings,
+)
 from .real_hand_eyes import write_hand_eyes
 from .real_rings import write_real_rings
 from .sector_corners import load_sector_corners, write_sector_corners
@@ -46,7 +57,9 @@ __all__ = [
     "PoseErrors",
     "aligned_distances",
     "bent_board_trials",
+    "block_means",
     "bowed_board",
+    "chi_squares",
     "compare",
     "correlated_noise",
     "correlated_trials",
@@ -55,11 +68,19 @@ __all__ = [
     "coverage",
     "curve_table",
     "dataset",
+    "eq4_readings",
+    "eq6_readings",
+    "eq7_readings",
+    "eq9_readings",
+    "eq10_readings",
+    "eq11_readings",
+    "error_numbers",
     "errors_in_plane",
     "frame_at",
     "good_children",
     "interval_coverage",
     "interval_table",
+    "label_readings",
     "leave_one_out",
     "load_corners",
     "load_grid",
@@ -77,11 +98,13 @@ __all__ = [
     "printed_effect",
     "printed_ratio",
     "radial_profile",
+    "radii_over_turn",
     "rate_table",
     "rayleigh_counts",
     "run_trials",
     "search",
     "servo_table",
+    "single_views_left_out",
     "sub_pixel_corners",
     "success_shares",
     "summarize_bent_boards",
