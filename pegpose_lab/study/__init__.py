@@ -11,6 +11,7 @@ from .circle_counts import match_circles, pictures_of_discs, write_circle_counts
 from .datasets import dataset
 from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
+from .flat_discs import flat_discs
 from .ga_success import REACHED, VARIANTS, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
 from .honest_intervals import correlated_noise, correlated_trials, write_split_halves
@@ -48,6 +49,7 @@ __all__ = [
     "coverage",
     "curve_table",
     "dataset",
+    "flat_discs",
     "frame_at",
     "interval_table",
     "leave_one_out",
