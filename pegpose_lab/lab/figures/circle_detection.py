@@ -178,7 +178,12 @@ def plot_edge_profile(axes: Sequence[Axes], pixels: EdgePixels, model: Floats, *
 
 
 def plot_against_bound(
-    axes: Sequence[Axes], noises: Sequence[float], spread: Mapping[str, Floats], bound: Floats, ratio_error: float
+    axes: Sequence[Axes],
+    noises: Sequence[float],
+    spread: Mapping[str, Floats],
+    bound: Floats,
+    ratio: ArrayLike,
+    ratio_error: float,
 ) -> None:
     """Draw errors of centres over the noise with their bound (left), and the fit's error over the bound (right).
 
@@ -191,8 +196,10 @@ def plot_against_bound(
         Errors, px.
     bound : (n noises,) array
         px.
+    ratio : (n noises,) array
+        Error of the fit over the bound.
     ratio_error : float
-        Standard error of the fit's ratio.
+        Its standard error.
     """
     left, right = axes
     for name, values in spread.items():
@@ -204,7 +211,7 @@ def plot_against_bound(
     left.figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=5)
     color, marker, _ = LOOKS["fit"]
     right.axhline(1, color=COLORS["paper"], linestyle=":")
-    right.errorbar(noises, spread["fit"] / bound, ratio_error, color=color, fmt=marker, capsize=4)
+    right.errorbar(noises, ratio, ratio_error, color=color, fmt=marker, capsize=4)
     right.set(xlabel="noise (grey values)", ylabel="error of the fit / bound", xscale="log", ylim=(0.85, 1.15))
     for ax in axes:
         ax.minorticks_off()

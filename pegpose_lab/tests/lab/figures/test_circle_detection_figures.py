@@ -76,7 +76,7 @@ def test_errors_counts_and_bound(axes):
     figures.plot_center_errors(axes[0, 0], pd.Series([0.1, 0.2, 0.05, 0.01], pd.MultiIndex.from_tuples(keys)))
     assert [text.get_text() for text in axes[0, 0].texts] == ["accumulator finds none"]
     spread = {"two-stage": np.array([0.1, 0.2]), "fit": np.array([0.01, 0.03])}
-    figures.plot_against_bound(axes[1], (1.0, 2.0), spread, np.array([0.01, 0.02]), 0.1)
+    figures.plot_against_bound(axes[1], (1.0, 2.0), spread, np.array([0.01, 0.02]), [1.0, 1.5], 0.1)
     assert_allclose(axes[1, 1].containers[0].lines[0].get_ydata(), [1.0, 1.5])
     fig, others = figure(8, 4, 2, 2)
     counts = {(method, "mask"): np.array([[4, 0], [3, 2]]) for method in ("two-stage", "phase-code")}
