@@ -17,12 +17,13 @@ COLORS = {
 SERIES = ("#332288", "#CC6677", "#117733", "#AA9933", "#88CCEE", "#882255")
 """Colours of series that are not methods: views, tilts, pegs, readings (from Paul Tol's muted palette)."""
 
-# Colour, marker and line style of each circle detector: one colour per family, a solid line for ours.
+# Colour, marker and line style of each circle detector: a solid line for ours, dotted lines for the votes of
+# `find_circles`, each in its own colour, dashed lines for other packages, one colour for each of them.
 DETECTORS = {
     "ours": ("#009E73", "o", "-"),
-    "find_circles two-stage": ("#009E73", "s", ":"),
-    "find_circles phase-code": ("#009E73", "^", ":"),
-    "find_circles accumulator": ("#009E73", "v", ":"),
+    "find_circles two-stage": ("#882255", "s", ":"),
+    "find_circles phase-code": ("#AA9933", "^", ":"),
+    "find_circles accumulator": ("#332288", "v", ":"),
     "HoughCircles GRADIENT": ("#0072B2", "s", "--"),
     "HoughCircles GRADIENT, smoothed": ("#0072B2", "^", "--"),
     "HoughCircles GRADIENT_ALT": ("#0072B2", "v", "--"),

@@ -12,6 +12,7 @@ from .datasets import dataset
 from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
 from .error_numbers import error_numbers, single_views_left_out
+from .flat_discs import flat_discs
 from .ga_success import REACHED, VARIANTS, success_shares, trial_sets, write_success
 from .held_out import coverage, leave_one_out, radial_profile
 from .honest_intervals import correlated_noise, correlated_trials, interval_coverage, write_split_halves
@@ -76,6 +77,7 @@ __all__ = [
     "eq11_readings",
     "error_numbers",
     "errors_in_plane",
+    "flat_discs",
     "frame_at",
     "good_children",
     "interval_coverage",
