@@ -38,7 +38,7 @@ from .real_hand_eyes import write_hand_eyes
 from .real_rings import write_real_rings
 from .sector_corners import load_sector_corners, write_sector_corners
 from .segmented_parts import write_parts
-from .servo_cell import frame_at
+from .servo_cell import frame_at, goal_pose
 from .servo_runs import servo_table, write_servo_runs
 from .trials import PARAMETERS, load_rendered_trials, monte_carlo, trial_poses, write_rendered_trials
 from .wide_views import WIDE_LENSES, views_over_image
@@ -79,6 +79,7 @@ __all__ = [
     "errors_in_plane",
     "flat_discs",
     "frame_at",
+    "goal_pose",
     "good_children",
     "interval_coverage",
     "interval_table",

@@ -101,7 +101,13 @@ def frame_at(cam_from_hub: RigidTransform, noise: float, rng: int | np.random.Ge
 
 
 def goal_pose() -> RigidTransform:
-    """cam_from_hub where the hub belongs: on the optical axis, tilted as in Table 1."""
+    """cam_from_hub where the hub belongs: on the optical axis, tilted as in Table 1.
+
+    Examples
+    --------
+    >>> goal_pose().translation.tolist()  # mm
+    [0.0, 0.0, 400.0]
+    """
     return RigidTransform.from_components([0.0, 0.0, GOAL_DEPTH], paper_experiment().cam_from_plane.rotation)
 
 

@@ -1,31 +1,74 @@
-"""Figures of notebook 13: a board with its corners, and where in the image all corners lie."""
+"""Figures of notebook 13: a board with its corners, where all corners lie, and the part with its rims and numbers."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...own_images import read_picture
-from .. import plotting
+from ..plotting import COLORS, plot_image
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from matplotlib.axes import Axes
+    from numpy.typing import NDArray
 
     from ...own_images import BoardImage
+    from ...pegs import PegObservation
+
+AROUND = 1.4
+"""Half the side of the part that is shown, over the largest distance of a rim from the middle of the ring."""
+
+TURN = np.linspace(0, 2 * np.pi, 100)
 
 
 def plot_board(ax: Axes, board: BoardImage) -> None:
     """Draw an image of a board with its corners."""
-    plotting.plot_image(ax, read_picture(board.path).image, f"{board.path.name}: {board.fate}")
-    ax.plot(*board.corners.T, "o", color=plotting.COLORS["joint"], markersize=5, fillstyle="none")
+    plot_image(ax, read_picture(board.path).image, f"{board.path.name}: {board.fate}")
+    ax.plot(*board.corners.T, "o", color=COLORS["joint"], markersize=5, fillstyle="none")
 
 
 def plot_coverage(ax: Axes, boards: Sequence[BoardImage]) -> None:
     """Draw the corners of all used images in the frame of the image."""
     used = [board for board in boards if board.used]
     for board in used:
-        ax.plot(*board.corners.T, ".", color=plotting.COLORS["joint"], markersize=4, alpha=0.7)
+        ax.plot(*board.corners.T, ".", color=COLORS["joint"], markersize=4, alpha=0.7)
     width, height = used[0].size
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal", xlabel="x (px)")
     ax.set_title(f"{sum(len(board.corners) for board in used)} corners of {len(used)} images")
+
+
+def plot_found(ax: Axes, image: NDArray[np.uint8], observation: PegObservation, title: str | None = None) -> None:
+    """Draw the image round a hub or a ring, the rims of its pegs as they look in their plane's perspective, and numbers."""
+    rims = peg_rims(observation)
+    middle = observation.peg_centers.mean(axis=0)
+    half = AROUND * np.linalg.norm(rims - middle, axis=-1).max()
+    left, top = np.maximum(middle - half, 0)
+    right, bottom = np.minimum(middle + half, np.array(image.shape[1::-1]) - 1)
+    plot_image(ax, image, title, limits=(left, right, top, bottom))
+    for number, (rim, center) in enumerate(zip(rims, observation.peg_centers, strict=True), 1):
+        ax.plot(*rim.T, color=COLORS["joint"], linewidth=2)
+        ax.plot(*center, "+", color=COLORS["joint"], markersize=8)
+        below = (center[0], rim[:, 1].max())
+        ax.annotate(str(number), below, (0, -4), textcoords="offset points", color="white", ha="center", va="top",
+                    weight="bold", fontsize=11)  # fmt: skip
+
+
+def peg_rims(observation: PegObservation) -> NDArray[np.float64]:
+    """Images of the pegs' rims (n_pegs, 100, 2), px: circles in the plane of the pegs, with the area that was found."""
+    center = _mapped(np.linalg.inv(observation.homography), observation.peg_centers)
+    outlines = center[:, None] + np.column_stack([np.cos(TURN), np.sin(TURN)])
+    images = _mapped(observation.homography, outlines) - observation.peg_centers[:, None]
+    x, y = images[:, :-1].transpose(2, 0, 1)
+    following = images[:, 1:].transpose(2, 0, 1)
+    area = np.abs((x * following[1] - y * following[0]).sum(axis=1)) / 2
+    radius = observation.peg_radii / np.sqrt(area / np.pi)
+    return _mapped(observation.homography, center[:, None] + radius[:, None, None] * (outlines - center[:, None]))
+
+
+def _mapped(homography, points):
+    """Points (..., 2) through a homography."""
+    image = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1) @ homography.T
+    return image[..., :2] / image[..., 2:]

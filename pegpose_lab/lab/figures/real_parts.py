@@ -1,18 +1,29 @@
-"""The figures of notebook 10: known discs of photographs found and missed, and false circles."""
+"""The figures of notebook 10: rings found in photographs, known discs found and missed, and false circles."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 
 from ..plotting import COLORS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     import pandas as pd
     from matplotlib.axes import Axes
+
+STATES = {"measured": COLORS["joint"], "partial": COLORS["linear"], "contradicted": COLORS["genetic"]}
+"""Colours of the places of a ring that have a disc."""
+
+OTHER = "0.7"
+"""Grey of the circles that are found without the ring."""
+
+BESIDE = 0.1
+"""Distance from a disc's rim to its number, as a part of half the side of its panel."""
 
 KNOWN = {
     "measured": COLORS["joint"],
@@ -22,6 +33,52 @@ KNOWN = {
 }
 FALSE = {"false, fit rejected or partial": "0.55", "false, taken for a disc": COLORS["genetic"]}
 """Colours of the discs that are known, and of the circles that fit none of them."""
+
+
+def plot_rings(axes: Iterable[Axes], rings: pd.DataFrame, places: pd.DataFrame, circles: pd.DataFrame) -> None:
+    """Draw each ring in a panel: its numbered places in the colour of their state, other circles grey, and a scale.
+
+    Parameters
+    ----------
+    axes : Axes
+        At least as many as there are rings.
+    rings : DataFrame
+        A row for each image, with the columns picture, width, height (px).
+    places, circles : DataFrame
+        A row for each place of a ring (picture, place, x, y, r in px, state) and for each circle that was found without
+        the ring (picture, x, y, r).
+    """
+    axes = list(axes)
+    for ax, ring in zip(axes, rings.itertuples(), strict=False):
+        found, seen = (table[table["picture"] == ring.picture] for table in (circles, places))
+        centers = seen[["x", "y"]].to_numpy()
+        middle = centers.mean(axis=0)
+        half = min(0.6 * np.ptp(centers, axis=0).max() + seen["r"].max(), ring.width / 2, ring.height / 2)
+        for circle in found.itertuples():
+            ax.add_patch(Circle((circle.x, circle.y), circle.r, fill=False, color=OTHER, linewidth=0.8))
+        for place, center in zip(seen.itertuples(), centers, strict=True):
+            ax.add_patch(Circle(center, place.r, fill=False, color=STATES[place.state], linewidth=1.8))
+            inwards = (middle - center) / np.linalg.norm(middle - center)
+            ax.annotate(place.place, center + (place.r + BESIDE * half) * inwards, ha="center", va="center", fontsize=9)
+        x, y = np.clip(
+            (centers.min(axis=0) + centers.max(axis=0)) / 2, half, np.array([ring.width, ring.height]) - half
+        )
+        ax.set(xlim=(x - half, x + half), ylim=(y + half, y - half), aspect="equal", xticks=[], yticks=[])
+        ax.set_title(f"{ring.picture.replace('_', ' ')}\n{ring.width} × {ring.height} px", fontsize=9)
+        ax.spines[:].set(visible=True, color="0.8")
+        _draw_scale(ax, half)
+    handles = [Line2D([], [], color=STATES[state], label=state) for state in STATES if (places["state"] == state).any()]
+    handles.append(Line2D([], [], color=OTHER, linewidth=0.8, label="circles found without the ring"))
+    axes[0].figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+
+
+def _draw_scale(ax, half):
+    """A bar of 10, 20, 50, 100 .. px, about a quarter of the panel long, below the panel."""
+    power = 10 ** np.floor(np.log10(half / 2))
+    length = power * max(digit for digit in (1, 2, 5) if digit * power <= half / 2)
+    share, options = length / (2 * half), {"color": "0.3", "transform": ax.transAxes, "clip_on": False}
+    ax.plot([1 - share, 1], [-0.04, -0.04], linewidth=2, solid_capstyle="butt", **options)
+    ax.text(0.98 - share, -0.04, f"{length:g} px", ha="right", va="center", fontsize=8, **options)
 
 
 def plot_counts(axes: Sequence[Axes], counts: pd.DataFrame) -> None:

@@ -1,7 +1,9 @@
-"""The bars of notebook 10 are as long as their counts."""
+"""Rings of notebook 10 stand where they were found, and its bars are as long as their counts."""
 
 import pandas as pd
+from numpy.testing import assert_allclose
 
+from pegpose_lab import study
 from pegpose_lab.lab import plotting
 from pegpose_lab.lab.figures import real_parts
 
@@ -19,4 +21,23 @@ def test_bars_add_up_to_the_known_discs_and_the_false_circles():
     assert [text.get_text() for text in axes[0].texts] == ["21 of 36", "24 of 24"]
     assert [label.get_text() for label in axes[0].get_yticklabels()] == ["heap\n(2 images)", "coins\n(1 image)"]
     fig.draw_without_rendering()
+    plotting.plt.close(fig)
+
+
+def test_every_place_of_a_ring_has_its_circle_and_its_number_inside_the_panel():
+    rings, places = study.load_measured("real_rings"), study.load_measured("real_ring_places")
+    fig, axes = plotting.figure(8.4, 6.4, 2, 3)
+    real_parts.plot_rings(axes.flat, rings, places, study.load_measured("real_ring_circles"))
+    for ax, picture in zip(axes.flat, rings["picture"], strict=True):
+        seen = places[places["picture"] == picture]
+        assert_allclose([patch.center for patch in ax.patches[-len(seen) :]], seen[["x", "y"]])
+        *numbers, scale = ax.texts
+        assert [text.get_text() for text in numbers] == seen["place"].astype(str).tolist()
+        assert scale.get_text().endswith(" px")
+        (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+        for (x, y), r in zip(seen[["x", "y"]].to_numpy(), seen["r"], strict=True):
+            assert left < x - r < x + r < right and top < y - r < y + r < bottom
+        assert all(left < text.xy[0] < right and top < text.xy[1] < bottom for text in numbers)
+    shown = [text.get_text() for text in fig.legends[0].get_texts()]
+    assert shown == ["measured", "partial", "circles found without the ring"]  # no place is contradicted
     plotting.plt.close(fig)
