@@ -11,8 +11,10 @@ from .circle_counts import match_circles, pictures_of_discs, write_circle_counts
 from .datasets import dataset
 from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
+from .error_definitions import DEFINITIONS, errors_by_definition
+from .focal_intervals import focal_interval
 from .ga_success import REACHED, VARIANTS, trial_sets, write_success
-from .held_out import coverage, leave_one_out, radial_profile
+from .held_out import coverage, held_out_distances, leave_one_out, radial_profile
 from .honest_intervals import correlated_noise, correlated_trials, write_split_halves
 from .insertion_rates import AXES, CELLS, curve_table, interval_table, rate_table, run_trials, write_assemblies
 from .measured import load_measured, made_by, write_measured
@@ -32,6 +34,7 @@ __all__ = [
     "AXES",
     "CELLS",
     "CHAINS",
+    "DEFINITIONS",
     "DIFFERENTIAL_EVOLUTION",
     "GENETIC",
     "GIVEN",
@@ -48,7 +51,10 @@ __all__ = [
     "coverage",
     "curve_table",
     "dataset",
+    "errors_by_definition",
+    "focal_interval",
     "frame_at",
+    "held_out_distances",
     "interval_table",
     "leave_one_out",
     "load_corners",

@@ -31,7 +31,7 @@ EXPLORERS = {
     "02_circle_detection": "circle explorer",
     "03_tsai_calibration": "principal point explorer",
     "04_genetic_stage": "genetic explorer",
-    "05_zhang_baseline": "interval explorer",
+    "05_zhang_baseline": "corner noise explorer",
     "09_uncertainty": "views explorer",
     "12_assembly": "insertion explorer",
 }
