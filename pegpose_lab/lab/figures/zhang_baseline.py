@@ -61,14 +61,13 @@ def plot_focal_by_detector(
     axes[-1].set_xlabel("focal length less the truth (µm); each panel has its own scale")
 
 
-def plot_real_focal_lengths(
-    axes: Sequence[Axes], views: pd.DataFrame, interval: tuple[float, float], *, colors: Mapping[str, str]
-) -> None:
+def plot_real_focal_lengths(axes: Sequence[Axes], views: pd.DataFrame, interval: tuple[float, float]) -> None:
     """Draw the f (px) of each view by both stages, beside the interval of the joint solution.
 
     `views` has a row a view, and for each panel's letter, (c)entre or (k)nown, the columns ``f 1 (c)``, ``f 1+2 (c)`` and
     ``edge (c)`` ("*" where the solution is on the edge of its box, which gets a ring).
     """
+    colors = {"stage 1": COLORS["linear"], "stages 1 + 2": COLORS["genetic"]}
     titles = "principal point at the centre", "principal point of the joint solution"
     for ax, letter, title in zip(axes, "ck", titles, strict=True):
         values = dict(zip(colors, views[[f"f 1 ({letter})", f"f 1+2 ({letter})"]].to_numpy().T, strict=True))

@@ -47,7 +47,7 @@ def test_intervals_stand_about_the_truth_in_micrometres(axes):
 def test_a_solution_on_the_edge_of_its_box_gets_a_ring(axes):
     columns = {f"f {s} ({letter})": [500.0, 510.0, 520.0] for letter in "ck" for s in ("1", "1+2")}
     views = pd.DataFrame({**columns, "edge (c)": ["", "*", ""], "edge (k)": ["", "", ""]}, index=VIEWS)
-    zhang_baseline.plot_real_focal_lengths(axes, views, (530.0, 540.0), colors=TWO)
+    zhang_baseline.plot_real_focal_lengths(axes, views, (530.0, 540.0))
     rings = [dots(ax, "on the edge of its box")[0] for ax in axes]
     assert [ring.tolist() for ring in rings] == [[510.0], []]
 
