@@ -11,10 +11,12 @@ from .circle_counts import match_circles, pictures_of_discs, write_circle_counts
 from .datasets import dataset
 from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
+from .error_definitions import DEFINITIONS, errors_by_definition
 from .error_numbers import error_numbers, single_views_left_out
 from .flat_discs import flat_discs
+from .focal_intervals import focal_interval
 from .ga_success import REACHED, VARIANTS, success_shares, trial_sets, write_success
-from .held_out import coverage, leave_one_out, radial_profile
+from .held_out import coverage, held_out_distances, leave_one_out, radial_profile
 from .honest_intervals import correlated_noise, correlated_trials, interval_coverage, write_split_halves
 from .insertion_rates import AXES, CELLS, curve_table, interval_table, rate_table, run_trials, write_assemblies
 from .linear_trials import noisy_solutions, tilt_trials
@@ -47,6 +49,7 @@ __all__ = [
     "AXES",
     "CELLS",
     "CHAINS",
+    "DEFINITIONS",
     "DIFFERENTIAL_EVOLUTION",
     "GENETIC",
     "GIVEN",
@@ -76,11 +79,15 @@ __all__ = [
     "eq10_readings",
     "eq11_readings",
     "error_numbers",
+    "errors_by_definition",
     "errors_in_plane",
     "flat_discs",
+    "focal_interval",
+    "frame_at",
     "frame_at",
     "goal_pose",
     "good_children",
+    "held_out_distances",
     "interval_coverage",
     "interval_table",
     "label_readings",

@@ -47,6 +47,14 @@ def held_out_distances(
         If the input is unusable, or a point has no image by this camera.
     CalibrationError
         If no pose is found.
+
+    Examples
+    --------
+    >>> from pegpose_lab import paper, study
+    >>> truth = paper.paper_experiment()
+    >>> board, (first, *_) = truth.board.object_points, truth.cam_from_boards
+    >>> study.held_out_distances(truth.camera, board, truth.camera.project(board, first)).max().round(4) + 0
+    np.float64(0.0)
     """
     pose = board_pose(object_points, image_points, camera)
     return np.hypot(*(camera.project(object_points, pose) - image_points).T)

@@ -9,6 +9,7 @@ A new slider is one function in a file for its step.
 """
 
 from .circles import circle_explorer
+from .corner_noise import corner_noise_explorer
 from .eccentricity import eccentricity_explorer
 from .equation6 import equation6_explorer
 from .explorer import show
@@ -23,6 +24,7 @@ from .views import views_explorer
 
 __all__ = [
     "circle_explorer",
+    "corner_noise_explorer",
     "eccentricity_explorer",
     "equation6_explorer",
     "genetic_explorer",
