@@ -25,20 +25,7 @@ CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", 
 playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 PAGE = CHECKOUT / "figures" / "index.html"
-<<<<<<< HEAD
 MOVES = 10  # of each slider, for the median
-=======
-EXPLORERS = {
-    "00_start_here": "hub explorer",
-    "01_segmentation": "threshold explorer",
-    "02_circle_detection": "circle explorer",
-    "03_tsai_calibration": "principal point explorer",
-    "04_genetic_stage": "genetic explorer",
-    "05_zhang_baseline": "corner noise explorer",
-    "09_uncertainty": "views explorer",
-    "12_assembly": "insertion explorer",
-}
->>>>>>> nb05
 READY = 120_000  # ms, for a kernel to start and a cell to run
 ATTEMPTS = 3
 CLICK = 10_000  # ms
