@@ -41,7 +41,8 @@ def focal_interval(runs: Sequence[Calibration], pitch: float) -> tuple[float, fl
     name = "f_x" if "f_x" in runs[0].camera.parameters else "focal_length"
     scale = pitch if name == "f_x" else 1.0
     if len(runs) == 1:
-        return tuple(float(scale * number) for number in (runs[0].camera.parameters[name], *runs[0].interval(name)))
+        low, high = runs[0].interval(name)
+        return scale * runs[0].camera.parameters[name], scale * low, scale * high
     values = scale * np.array([run.camera.parameters[name] for run in runs])
     half = stdtrit(len(values) - 1, 0.975) * values.std(ddof=1) / np.sqrt(len(values))
     return float(values.mean()), float(values.mean() - half), float(values.mean() + half)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TICKS = (0.15, 0.2, 0.3, 0.5, 0.7)  # px, of the held-out errors
-RING = {"linestyle": "", "marker": "o", "fillstyle": "none", "color": "k", "markersize": 11}
+RING: dict[str, Any] = {"linestyle": "", "marker": "o", "fillstyle": "none", "color": "k", "markersize": 11}
 
 
 def plot_definitions(
