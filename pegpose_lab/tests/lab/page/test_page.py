@@ -31,6 +31,7 @@ def test_the_page_needs_nothing_else(page):
     without_namespace = page.replace("http://www.w3.org/2000/svg", "")
     for text in ("http://", "https://", "fetch(", "import(", "@import", "url("):
         assert text not in without_namespace
+    assert page.count("data:image/gif") == 1
     assert page.count("<img ") == page.count('<img alt="') > 15 and 'alt=""' not in page
     assert 'name="viewport"' in page and "@media print" in page
 
@@ -48,6 +49,16 @@ def test_figures_are_there_and_have_words():
         assert (PROJECT_FOLDER / "figures" / f"{one.name}.png").is_file()
         assert (PROJECT_FOLDER / "notebooks" / f"{one.notebook}.ipynb").is_file()
         assert len(one.alternative) > 15 and len(one.caption) > 15
+        assert one.cell > 0 and f"cell [{one.cell}]" in one.source
+        assert all((PROJECT_FOLDER / name).is_file() for name in one.tables)
+
+
+def test_a_figure_names_the_tables_of_its_section():
+    (tilt,) = (one for one in figures() if one.name == "09_tilt")
+    assert (
+        tilt.source.startswith("notebooks/09_uncertainty.ipynb, cell [")
+        and "data/results/09_sigma_over_tilt.csv" in tilt.tables
+    )
 
 
 def test_sliders_have_states_that_can_be_drawn(page):
