@@ -35,6 +35,7 @@ class Flag(str):
     labels-over-gap           labels were carried over frames in which the hub was not found
     labels-undecided          the hub or ring looks the same after a turn, and nothing says which is right
     two-poses                 another pose, tilted the other way, explains the pegs nearly as well
+    misfit-pegs               the pegs are not where the pose puts them: part, camera or plane is not as described
     rival-ring                other rings in the picture fit the pattern nearly as well
     further-disc              like discs lie on the ring between its places
     other-proportions         the discs or the bore have another size than the pattern says

@@ -67,10 +67,13 @@ def find_boards(
 
     Of images of several sizes, those of the most frequent one are used.
     """
-    jobs = (delayed(_found)(path, board, kept) for path in paths)
-    done = Parallel(n_jobs=workers, return_as="generator")(jobs)
-    found = list(tqdm(done, total=len(paths), unit="image", desc="boards", disable=not progress))
-    return _of_one_size(found)
+    found = {path: known for path in paths if (known := _from_earlier(path, board, kept)) is not None}
+    new = [path for path in paths if path not in found]
+    jobs = (delayed(_found)(path, board, kept) for path in new)
+    done = Parallel(n_jobs=max(1, min(workers, len(new))), return_as="generator")(jobs)
+    bar = tqdm(done, total=len(paths), initial=len(found), unit="image", desc="boards", disable=not progress)
+    found |= dict(zip(new, bar, strict=True))
+    return _of_one_size([found[path] for path in paths])
 
 
 def _of_one_size(found):
@@ -84,7 +87,7 @@ def _of_one_size(found):
         if one.corners is None:
             marked.append(one)
         elif one.size != size:
-            fate = f"{one.fate}; not used: it has {one.size[0]} x {one.size[1]} px, most have {size[0]} x {size[1]}"
+            fate = f"{one.fate}; not used: it has {one.size[0]} x {one.size[1]} px, and {size[0]} x {size[1]} is more frequent"
             marked.append(replace(one, fate=fate))
         elif len(one.index) < LEAST_CORNERS:
             marked.append(replace(one, fate=f"{one.fate}; not used: fewer than {LEAST_CORNERS} corners"))
@@ -93,25 +96,27 @@ def _of_one_size(found):
     return marked
 
 
+def _from_earlier(path, board, kept):
+    """What an earlier run found in the same image with the same board, or None."""
+    try:
+        return _from_store(path, json.loads(_store(path, board, kept).read_text(encoding="utf-8")))
+    except (OSError, ValueError, KeyError, TypeError):  # there is none, or it is damaged
+        return None
+
+
 def _found(path, board, kept):
-    """The corners of an image, from the file of an earlier run if that is of the same image and board."""
-    store = kept / f"{_key(path, board)}.json"
-    if store.is_file():
-        try:
-            return _from_store(path, json.loads(store.read_text(encoding="utf-8")))
-        except (ValueError, KeyError, TypeError):  # damaged: it is made again
-            pass
+    """The corners of an image, which are kept for the next run."""
     found = _searched(path, board)
-    with replacing(store) as temporary:
+    with replacing(_store(path, board, kept)) as temporary:
         temporary.write_text(json.dumps(_to_store(found)), encoding="utf-8")
     return found
 
 
-def _key(path, board):
-    """A name that changes with the image and the board."""
+def _store(path, board, kept):
+    """A file whose name changes with the image and the board."""
     status = path.stat()
     what = f"{path.name} {status.st_size} {status.st_mtime_ns} {board!r}"
-    return hashlib.sha256(what.encode()).hexdigest()[:16]
+    return kept / f"{hashlib.sha256(what.encode()).hexdigest()[:16]}.json"
 
 
 def _searched(path, board):

@@ -7,20 +7,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..checks import as_number
-from ..insertion import Wheel
-from ..patterns import RingPattern
-from ..targets import Checkerboard, Hub
+from .measures import board_of, in_one_unit, part_of, radii_of, ring_of, wheel_of
+from .reading import UNREAD
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from os import PathLike
     from typing import Any
 
+    from ..insertion import Wheel
+    from ..patterns import RingPattern
+    from ..targets import Checkerboard, Hub
+
 FILE = "pegpose.yaml"
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp")
 EXAMPLE = """board: {columns: 8, rows: 6, square: 29.0}   # inner corners along a row and a column; mm
 part: {n_pegs: 4, pitch_circle_diameter: 97.05, peg_radius: 10.1}   # mm; or ring: {n: 4, pitch_radius: 48.5, disc_radius: 10.1}
-boards: boards/*   # images of the board; and frames: frames/*, images of the part
+boards: boards/*   # images of the board, in a folder of their own; and frames: frames/*, images of the part
 """
 
 
@@ -30,7 +33,8 @@ class Description:
 
     Attributes
     ----------
-    board : Checkerboard
+    board : Checkerboard or None
+        None if the camera is calibrated already.
     part : Hub, RingPattern or None
         None if only the camera is to be calibrated.
     boards, frames : str
@@ -58,7 +62,7 @@ class Description:
     'boards/*'
     """
 
-    board: Checkerboard
+    board: Checkerboard | None
     part: Hub | RingPattern | None = None
     boards: str = "boards/*"
     frames: str = "frames/*"
@@ -78,73 +82,42 @@ class Description:
         Raises
         ------
         ValueError
-            If a key is unknown, the board is missing, or a value is unusable; the message names it.
+            If a key is unknown, a measure is missing, or a value is unusable; the message names it.
 
         Examples
         --------
-        >>> Description.of({"board": {"columns": 8, "rows": 6, "square": 29.0}, "part": {"n_pegs": 4}}).part.n_pegs
-        4
+        >>> Description.of({"board": {"columns": 8, "rows": 6, "square": 29.0}}).board.square
+        29.0
         """
-        if not isinstance(values, dict) or "board" not in values:
+        if not isinstance(values, dict) or not ("board" in values or "camera" in values):
             raise ValueError(f"it does not describe a board; expected lines such as\n{EXAMPLE}")
         known = {field.name for field in fields(cls)} | {"ring"}
         unknown = sorted(set(values) - known)
         if unknown:
             raise ValueError(f"{unknown[0]} is unknown; expected some of {', '.join(sorted(known))}")
-        values = dict(values)
         if "part" in values and "ring" in values:
             raise ValueError("it has both part and ring; expected one of them")
-        ring, part = values.pop("ring", None), values.pop("part", None)
-        made = {"board": _made(Checkerboard, values.pop("board"), "board")}
-        if part is not None:
-            made["part"] = _made(Hub, part, "part")
-        if ring is not None:
-            made["part"] = _made(RingPattern, ring, "ring")
-        if (wheel := values.pop("wheel", None)) is not None:
-            made["wheel"] = _fitting(wheel, made.get("part"))
-        if values.get("coefficients") is not None:
-            values["coefficients"] = tuple(values["coefficients"])
+        made = dict(values)
+        made["board"] = board_of(values["board"]) if "board" in values else None
+        for name, make in (("part", part_of), ("ring", ring_of)):
+            if made.pop(name, None) is not None:
+                made["part"] = make(values[name])
+        if values.get("wheel") is not None:
+            made["wheel"] = wheel_of(values["wheel"], made.get("part"))
         if values.get("radius_range") is not None:
-            values["radius_range"] = _as_range(values["radius_range"])
+            made["radius_range"] = radii_of(values["radius_range"])
+        if values.get("coefficients") is not None:
+            made["coefficients"] = tuple(values["coefficients"])
         as_number(values.get("robot_repeatability", 0.0), "robot_repeatability", 0)
-        return cls(**made, **values)
+        in_one_unit(made["board"], made.get("part"))
+        return cls(**made)
 
     def paths(self, folder: Path, pattern: str) -> list[Path]:
-        """The images that match a pattern, in order of their names."""
-        return sorted(path for path in folder.glob(pattern) if path.suffix.lower() in ENDINGS and path.is_file())
-
-
-def _made(kind, values, name):
-    """A board, hub or ring of the values; ValueError that names the key."""
-    if not isinstance(values, dict):
-        raise ValueError(f"{name} is {values!r}; expected its measures, such as {{columns: 8, rows: 6, square: 29.0}}")
-    try:
-        return kind(**values)
-    except TypeError as error:
-        allowed = ", ".join(field.name for field in fields(kind))
-        raise ValueError(
-            f"{name} has a key that is not known, or lacks one ({error}); expected some of {allowed}"
-        ) from error
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from error
-
-
-def _fitting(values, part):
-    """The wheel for a part; its holes lie where the pegs are, if nothing else is said."""
-    if not isinstance(part, Hub):
-        raise ValueError(
-            "wheel needs a part with pegs: part: {n_pegs: ..., pitch_circle_diameter: ..., peg_radius: ...}"
+        """The images that match a pattern, in order of their names: of kinds that are read, and of those that are known not
+        to be."""
+        return sorted(
+            path for path in folder.glob(pattern) if path.suffix.lower() in ENDINGS + UNREAD and path.is_file()
         )
-    fits = {"n_holes": part.n_pegs, "pitch_circle_diameter": part.pitch_circle_diameter}
-    return _made(Wheel, fits | values if isinstance(values, dict) else values, "wheel")
-
-
-def _as_range(pair):
-    """Smallest and largest radius, px."""
-    if not isinstance(pair, (list, tuple)) or len(pair) != 2:
-        raise ValueError(f"radius_range is {pair!r}; expected [smallest, largest] in px")
-    low = as_number(pair[0], "radius_range[0]", 0, exclusive=True)
-    return low, as_number(pair[1], "radius_range[1]", low, 1e5)
 
 
 def read_description(folder: str | PathLike[str]) -> Description:
@@ -166,6 +139,8 @@ def read_description(folder: str | PathLike[str]) -> Description:
     import yaml
 
     path = Path(folder, FILE)
+    if not path.parent.is_dir():
+        raise ValueError(f"{path.parent} is no folder")
     if not path.is_file():
         raise ValueError(f"{path} is missing; write one with lines such as\n{EXAMPLE}")
     try:

@@ -6,17 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import pandas as pd
-
 from ..calibration import Calibration, calibrate_joint
 from ..camera import Sensor
 from ..checks import CalibrationError
-from ..files import replacing
-from ..pose import write_detection, write_pose_table
 from .boards import find_boards
 from .description import read_description
 from .frames import track_frames
-from .report import as_html
+from .writing import write_results
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -93,9 +89,9 @@ def run_folder(
     Returns
     -------
     FolderRun
-        Written are ``camera.yaml`` (OpenCV), ``camera_info.yaml`` (ROS), ``corners.csv``, ``poses.csv``, ``pose.yaml`` (ROS's
-        Detection3D, of the last frame with a pose), ``forecasts.csv`` (if a wheel is described) and ``report.html``, as far as
-        there is something to write.
+        Written are ``camera.yaml`` (OpenCV), ``camera_info.yaml`` (ROS), ``corners.csv``, ``discs.csv`` (of the part, px),
+        ``poses.csv``, ``pose.yaml`` (ROS's Detection3D, of the last frame whose pose is not doubtful), ``forecasts.csv`` (if a
+        wheel is described) and ``report.html``, as far as there is something to write; those of an earlier run are removed.
 
     Raises
     ------
@@ -117,11 +113,14 @@ def run_folder(
     board_paths, frame_paths = (described.paths(folder, pattern) for pattern in (described.boards, described.frames))
     if not board_paths and not frame_paths:
         raise ValueError(
-            f"{folder} has no images in {described.boards} or {described.frames}; see boards and frames in its file"
+            f"{folder} has no images in {described.boards} or {described.frames}: put them there, or name their places in "
+            "pegpose.yaml, such as boards: 'IMG_1*.jpg'"
         )
     kept = target / "kept"
     kept.mkdir(parents=True, exist_ok=True)
-    boards = find_boards(board_paths, described.board, kept, workers=workers, progress=progress)
+    boards = []
+    if described.board is not None:
+        boards = find_boards(board_paths, described.board, kept, workers=workers, progress=progress)
     if described.camera is None:
         calibration, why_not = _calibrated(boards, described)
     else:
@@ -135,7 +134,8 @@ def run_folder(
             plane_view=_plane_view(described, boards) if calibration and described.camera is None else None,
             progress=progress,
         )
-    return FolderRun(boards, calibration, why_not, frames, _written(target, boards, calibration, why_not, frames))
+    files = write_results(target, described, boards, calibration, why_not, frames)
+    return FolderRun(boards, calibration, why_not, frames, files)
 
 
 def _calibrated(boards: list[BoardImage], described: Description):
@@ -164,57 +164,3 @@ def _plane_view(described, boards):
     if described.plane not in names:
         raise ValueError(f"plane is {described.plane!r}; expected 'last' or one of the used images: {', '.join(names)}")
     return names.index(described.plane)
-
-
-def _written(target, boards, calibration, why_not, frames):
-    """Write what there is; returns the files."""
-    files = []
-    if calibration is not None:
-        for name, form in (("camera.yaml", "opencv"), ("camera_info.yaml", "ros")):
-            calibration.save(target / name, form)
-            files.append(target / name)
-    rows = [
-        [one.path.name, index, *point]
-        for one in boards
-        if one.corners is not None
-        for index, point in zip(one.index, one.corners, strict=True)
-    ]
-    if rows:
-        files.append(_csv(target / "corners.csv", pd.DataFrame(rows, columns=["image", "corner", "x", "y"])))
-    if frames:
-        write_pose_table(target / "poses.csv", [one.pose or one.fate for one in frames])
-        files.append(target / "poses.csv")
-    posed = [one.pose for one in frames if one.pose is not None]
-    if posed:
-        write_detection(target / "pose.yaml", posed[-1], "camera")
-        files.append(target / "pose.yaml")
-    forecast = [one for one in frames if one.forecast is not None]
-    if forecast:
-        files.append(_csv(target / "forecasts.csv", forecast_table(forecast)))
-    with replacing(target / "report.html") as temporary:
-        temporary.write_text(as_html(boards, calibration, why_not, frames), encoding="utf-8")
-    return [*files, target / "report.html"]
-
-
-def forecast_table(frames: list[Frame]) -> pd.DataFrame:
-    """Of each frame with a forecast: shares of insertions that meet nothing and that enter, and the clearance needed.
-
-    Examples
-    --------
-    >>> list(forecast_table([]).columns)
-    ['frame', 'free', 'enters', 'limiting_peg', 'free_clearance_mm']
-    """
-    return pd.DataFrame(
-        [
-            [one.path.name, told.probabilities["free"], told.enters, told.limiting_peg, told.free_clearance]
-            for one in frames
-            if (told := one.forecast) is not None
-        ],
-        columns=["frame", "free", "enters", "limiting_peg", "free_clearance_mm"],
-    )
-
-
-def _csv(path, table):
-    with replacing(path) as temporary:
-        table.to_csv(temporary, index=False, lineterminator="\n")
-    return path

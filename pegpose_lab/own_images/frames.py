@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tqdm import tqdm
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from ..pegs import PegObservation
     from ..pose import HubPose
     from .description import Description
+
+
+DOUBTFUL = ("misfit-pegs", "ring-misfit", "weak-ring", "labels-undecided")
+"""Flags with which a pose is no pose to drive a robot by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +47,11 @@ class Frame:
     observation: PegObservation | None = None
     pose: HubPose | None = None
     forecast: AssemblyForecast | None = None
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether a flag of its pose says that it may be wrong."""
+        return self.pose is not None and any(flag.code in DOUBTFUL for flag in self.pose.flags)
 
 
 def track_frames(
@@ -79,19 +88,24 @@ def _judged(path, picture, seen, described, calibration, plane_view):
     fate = "; ".join([fate, *map(str, seen.flags)])
     if calibration is None:
         return Frame(path, fate, seen)
-    if tuple(calibration.camera.image_size) != picture.size:
-        return Frame(path, f"{fate}; no pose: the frame has another size than the boards' images", seen)
+    size = tuple(calibration.camera.image_size)
+    if size != picture.size:
+        taken = f"the camera is calibrated for {size[0]} x {size[1]} px and the frame has {picture.size[0]} x {picture.size[1]}"
+        return Frame(path, f"{fate}; no pose: {taken}: calibrate the camera that took it, at its resolution", seen)
     plane = None if plane_view is None else calibration.cam_from_object[plane_view]
     try:
         pose = estimate_pose(seen, calibration, described.part, plane=plane, plane_view=plane_view)
     except (CalibrationError, ValueError) as error:
         return Frame(path, f"{fate}; no pose: {error}", seen)
     fate = "; ".join([fate, *map(str, pose.flags)])
+    frame = Frame(path, fate, seen, replace(pose, flags=(*seen.flags, *pose.flags)))
+    if frame.doubtful:
+        return replace(frame, fate=f"{fate}; so the pose is doubtful")
     if described.wheel is None:
-        return Frame(path, fate, seen, pose)
+        return frame
     repeatability = described.robot_repeatability
     try:
         forecast = assembly_forecast(pose, described.part, described.wheel, robot_repeatability=repeatability)
     except CalibrationError as error:
-        return Frame(path, f"{fate}; no forecast: {error}", seen, pose)
-    return Frame(path, fate, seen, pose, forecast)
+        return replace(frame, fate=f"{fate}; no forecast: {error}")
+    return replace(frame, forecast=forecast)

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DARKEST, BRIGHTEST = 0.1, 99.9  # percentiles of a 16-bit image that become 0 and 255
+UNREAD = (".heic", ".heif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".raw")
+"""Endings of a camera's files that OpenCV does not read."""
+
 TAGGED = b"Exif"
 
 
@@ -65,6 +68,8 @@ def read_picture(path: Path) -> Picture:
     >>> picture.size, picture.image.dtype, picture.notes
     ((30, 20), dtype('uint8'), ('16 bit, scaled to 8',))
     """
+    if path.suffix.lower() in UNREAD:
+        raise ValueError(f"files of the kind {path.suffix} are not read: convert it to PNG, TIFF or JPEG")
     content = np.fromfile(path, np.uint8)
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_GRAYSCALE
     level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -76,7 +81,7 @@ def read_picture(path: Path) -> Picture:
     finally:
         cv2.utils.logging.setLogLevel(level)
     if image is None:
-        raise ValueError("it is no image that can be read: empty, damaged, or of an unknown kind")
+        raise ValueError("the file is empty" if not content.size else "the file is damaged, or of an unknown kind")
     notes = []
     if upright is not None and not _same(upright, image):
         notes.append("turned by EXIF: read as the sensor saw it")

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from ..calibration import Calibration
     from .boards import BoardImage
+    from .description import Description
     from .frames import Frame
 
 WIDTH = 420  # px, of a thumbnail
@@ -37,31 +38,56 @@ figcaption { font-size: .85rem; color: #444; }
 
 
 def as_html(
-    boards: Sequence[BoardImage], calibration: Calibration | None, why_not: str, frames: Sequence[Frame]
+    described: Description,
+    boards: Sequence[BoardImage],
+    calibration: Calibration | None,
+    why_not: str,
+    frames: Sequence[Frame],
 ) -> str:
     """The page as a text: no script, nothing that is fetched from elsewhere."""
+    used = [one for one in boards if one.used]
     parts = [
         "<!doctype html>",
         '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<title>PegPose Lab report</title><style>{STYLE}</style></head><body>",
         "<h1>Camera and part</h1>",
         _summary(boards, calibration, why_not, frames),
+        _described(described),
         "<h2>Camera</h2>",
         _camera(calibration, why_not),
         "<h2>Images of the board</h2>",
-        _fates([(one.path.name, one.fate) for one in boards]),
+        _table(["image", "view", "what became of it"], _board_rows(boards)) if boards else "<p>There are none.</p>",
     ]
-    if any(one.used for one in boards):
-        parts += [_coverage(boards), _gallery([_board_thumbnail(one) for one in boards if one.used][:MOST_SHOWN])]
+    if used:
+        parts += [_coverage(boards), _gallery([_board_thumbnail(one) for one in used][:MOST_SHOWN])]
     if frames:
+        seen = [one for one in frames if one.observation is not None]
         parts += [
-            "<h2>Frames of the part</h2>",
+            "<h2>Poses of the part</h2>",
             _poses(frames),
-            _forecasts(frames),
-            _fates([(one.path.name, one.fate) for one in frames]),
+            _forecasts(described, frames),
+            "<h2>Frames of the part</h2>",
         ]
-        parts.append(_gallery([_frame_thumbnail(one) for one in frames if one.observation is not None][:MOST_SHOWN]))
+        parts.append(_table(["image", "what became of it"], [(one.path.name, one.fate) for one in frames]))
+        parts.append(_gallery([_frame_thumbnail(one) for one in seen][:MOST_SHOWN]))
     return "\n".join([*parts, "</body></html>\n"])
+
+
+def _described(described):
+    """The description as it was understood, so that a wrong measure is seen."""
+    names = ("board", "part", "wheel", "robot_repeatability", "camera", "lens", "plane")
+    values = [(name, getattr(described, name)) for name in names]
+    rows = [(name.replace("_", " "), value) for name, value in values if value is not None]
+    return f"<details><summary>What was described (lengths in mm)</summary>{_table(['', ''], rows)}</details>"
+
+
+def _board_rows(boards):
+    """Name, number of the view as flags count it, and fate of each image."""
+    view, rows = 0, []
+    for one in boards:
+        rows.append((one.path.name, view if one.used else "", one.fate))
+        view += one.used
+    return rows
 
 
 def _summary(boards, calibration, why_not, frames):
@@ -69,8 +95,21 @@ def _summary(boards, calibration, why_not, frames):
     camera = f"not calibrated: {_text(why_not)}"
     if calibration:
         camera = f"rms {calibration.rms:.3f} px" if calibration.residuals else "the camera is given"
-    told = f"; the pose of the part is known in {posed} of {len(frames)} frames" if frames else ""
-    return f"<p>{used} of {len(boards)} images of the board are used ({camera}){told}.</p>"
+    doubtful = sum(one.doubtful for one in frames)
+    doubt = f" ({doubtful} of these doubtful)" if doubtful else ""
+    told = f"; the pose of the part is known in {posed} of {len(frames)} frames{doubt}" if frames else ""
+    return f"<p>{used} of {len(boards)} images of the board are used ({camera}){told}.{_focal_length(calibration)}</p>"
+
+
+def _focal_length(calibration):
+    """How well it is known, in a sentence."""
+    if calibration is None or calibration.covariance is None:
+        return ""
+    name = next((name for name in ("focal_length", "f_x") if name in calibration.covariance), None)
+    if name is None:
+        return ""
+    low, high = calibration.interval(name)
+    return f" The focal length is known to ± {100 * (high - low) / (high + low):.2g} % (95 %)."
 
 
 def _text(text):
@@ -99,13 +138,14 @@ def _camera(calibration, why_not):
             low, high = calibration.interval(name)
             rows.append([name, f"{values[name]:.6g}", f"{low:.6g} to {high:.6g}"])
         else:
-            rows.append([name, f"{values[name]:.6g}", "kept as given"])
+            tied = name == "f_y" and values["f_y"] == values.get("f_x")
+            rows.append([name, f"{values[name]:.6g}", "as f_x: square pixels" if tied else "not estimated"])
     flags = "".join(f'<p class="flag"><b>{_text(flag.code)}</b>: {_text(flag)}</p>' for flag in calibration.flags)
-    return _table(["parameter", "value", "95 % interval"], rows, (1, 2)) + flags
-
-
-def _fates(rows):
-    return _table(["image", "what became of it"], rows)
+    unit = "mm; principal point in px" if "focal_length" in values else "px"
+    text = f"<p>Lengths in {unit}; the coefficients of the lens have OpenCV's order and meaning.</p>"
+    if "kappa1" in values:
+        text = f"<p>Lengths in {unit}; kappa1 is Eq. 3's coefficient, 1/mm².</p>"
+    return text + _table(["parameter", "value", "95 % interval"], rows, (1, 2)) + flags
 
 
 def _coverage(boards):
@@ -126,7 +166,7 @@ def _board_thumbnail(one):
     canvas, scale = _shrunk(one.path)
     for x, y in scale * one.corners:
         cv2.circle(canvas, (round(x), round(y)), 3, GREEN, 1, cv2.LINE_AA)
-    return canvas, f"{one.path.name}: {one.fate}", f"Board with its corners, {one.path.name}"
+    return canvas, one.path.name, f"Board with its corners, {one.path.name}"
 
 
 def _frame_thumbnail(frame):
@@ -139,7 +179,7 @@ def _frame_thumbnail(frame):
         x, y = (scale * center).round().astype(int).tolist()
         cv2.circle(canvas, (x, y), max(1, round(scale * radius)), color, 2, cv2.LINE_AA)
         cv2.putText(canvas, str(number), (x - 4, y + 5), cv2.FONT_HERSHEY_SIMPLEX, 0.5, color, 1, cv2.LINE_AA)
-    return canvas, f"{frame.path.name}: {frame.fate}", f"Part with its discs, {frame.path.name}"
+    return canvas, frame.path.name, f"Part with its discs, {frame.path.name}"
 
 
 def _shrunk(path) -> tuple[NDArray[np.uint8], float]:
@@ -161,26 +201,30 @@ def _gallery(images):
 
 
 def _poses(frames):
-    """Place and turn in each frame, with their standard deviations."""
+    """Place and turn in each frame, with their standard deviations and flags."""
     rows = []
     for frame in frames:
-        if frame.pose is None:
+        if (pose := frame.pose) is None:
             continue
-        pose = frame.pose
         sigmas = np.sqrt(np.diag(pose.covariance)) if pose.covariance is not None else np.full(6, np.nan)
         place = [
             f"{value:.3f} ± {sigma:.3f}" for value, sigma in zip(pose.cam_from_hub.translation, sigmas, strict=False)
         ]
-        rows.append([frame.path.name, *place, f"{np.degrees(pose.theta):.3f}", f"{pose.rms:.3f}"])
+        turn = f"{np.degrees(pose.theta):.3f} ± {np.degrees(sigmas[5]):.3f}"
+        codes = " ".join(flag.code for flag in pose.flags)
+        rows.append([frame.path.name, *place, turn, f"{pose.rms:.3f}", codes])
     if not rows:
         return "<p>No frame has a pose.</p>"
-    header = ["frame", "x (mm)", "y (mm)", "z (mm)", "theta (deg)", "rms (px)"]
-    return "<p>Place of the part in the camera's frame, ± one standard deviation.</p>" + _table(
-        header, rows, range(1, 6)
+    header = ["frame", "x (mm)", "y (mm)", "z (mm)", "theta (deg)", "rms (px)", "flags"]
+    text = (
+        "Place of the part's middle from the camera: x to the right in the image, y down, z away from the camera; theta is the "
+        "turn of peg 1 about z. ± is one standard deviation. A pose with the flag misfit-pegs, ring-misfit, weak-ring or "
+        "labels-undecided is doubtful: look at its image, and at the measures of the part."
     )
+    return f"<p>{text}</p>" + _table(header, rows, range(1, 6))
 
 
-def _forecasts(frames):
+def _forecasts(described, frames):
     """Whether the wheel that is described would go on."""
     told = [(one.path.name, one.forecast) for one in frames if one.forecast is not None]
     if not told:
@@ -197,7 +241,8 @@ def _forecasts(frames):
     ]
     header = ["frame", "goes on freely (%)", "enters at all (%)", "limiting peg", "clearance for 99.9 % (mm)"]
     text = (
-        "Chance that the wheel goes on, from the pose's covariance and the robot's repeatability; the calibration of the "
-        "camera to the robot adds an error of its own."
+        f"Chance that a wheel with a clearance of {described.wheel.clearance:g} mm goes on, from the pose's covariance and the "
+        f"robot's repeatability of {described.robot_repeatability:g} mm. The calibration of the camera to the robot adds an "
+        "error of its own."
     )
-    return f"<p>{text}</p>" + _table(header, rows, range(1, 5))
+    return f"<h2>Forecast of the wheel</h2><p>{text}</p>" + _table(header, rows, range(1, 5))

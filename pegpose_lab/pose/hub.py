@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 # ---- the hub ----
 
 
+MISFIT = 5.0  # times the sigmas: real rims err by two or three, a wrong part or camera by tens
+LEAST_MISFIT = 0.1  # px
+
+
 @dataclass(frozen=True, eq=False)
 class HubPose:
     """The pose of the hub in the camera frame.
@@ -55,7 +59,7 @@ class HubPose:
     log_likelihood_ratio : float
         ln of the likelihood of this pose over that of the `alternative`: infinite without one.
     flags : tuple of Flag
-        "two-poses" if the alternative is not clearly less likely.
+        "two-poses" if the alternative is not clearly less likely, "misfit-pegs" if the pegs do not fit the pose.
     covariance : (6, 6) ndarray or None
         Of the pose in the order (x, y, z, rotation vector), mm and rad: of a left perturbation in the frame that has the
         axes of the camera and its origin at the hub's.  The first three are those of ``cam_from_hub.translation``.  It
@@ -208,8 +212,21 @@ def estimate_pose(
         budget=budget,
         alternative=None if other is None else _transform(other.pose),
         log_likelihood_ratio=ratio,
-        flags=flags_of(ratio),
+        flags=(*flags_of(ratio), *_misfit(fit.cost, discs, residuals[used], 6 if plane is None else 3, known)),
     )
+
+
+def _misfit(cost, discs, residuals, unknowns, known):
+    """A flag if the pegs lie farther from where the pose puts them than their sigmas allow by far."""
+    count = np.count_nonzero(np.diagonal(discs.information, axis1=1, axis2=2)) - unknowns
+    factor, rms = np.sqrt(cost / max(count, 1)), np.sqrt(np.mean(np.sum(residuals**2, axis=1)))
+    if not known or factor < MISFIT or rms < LEAST_MISFIT:
+        return ()
+    text = (
+        f"The pegs are seen {rms:.2g} px (rms) from where this pose puts them, {factor:.0f} times what their sigmas allow: "
+        "part, camera or plane is not as described, and the covariance does not hold."
+    )
+    return (Flag("misfit-pegs", text),)
 
 
 def _tops(seen, camera, pose, images, residuals):

@@ -49,8 +49,8 @@ def test_the_sample_gives_camera_and_poses(run):
 def test_everything_written_is_read_back(run, sample):
     folder = sample / "pegpose"
     assert {path.name for path in run.files} == {
-        "camera.yaml", "camera_info.yaml", "corners.csv", "poses.csv", "pose.yaml", "forecasts.csv",
-        "report.html",
+        "camera.yaml", "camera_info.yaml", "corners.csv", "discs.csv", "poses.csv", "pose.yaml",
+        "forecasts.csv", "report.html",
     }  # fmt: skip
     camera = pl.Calibration.load(folder / "camera.yaml")
     assert camera.rms == pytest.approx(run.calibration.rms)
@@ -115,6 +115,7 @@ def odd(tmp_path_factory):
     cv2.imwrite(str(files / "large.png"), experiment.board_image(0))
     cv2.imwrite(str(files / "blank.png"), np.full(images[0].shape, 90, np.uint8))
     (files / "notes.txt").write_text("no image")
+    (files / "phone.heic").write_bytes(jpeg)
     (folder / "pegpose.yaml").write_text("board: {columns: 8, rows: 6, square: 29.0}\n")
     return folder
 
@@ -125,7 +126,8 @@ def test_each_image_has_a_fate_with_its_name(odd):
     assert set(fates) == {path.name for path in (odd / "boards").iterdir()} - {"notes.txt"}
     assert fates["good-0.png"] == fates["colour.tif"] == "48 of 48 corners"
     assert "16 bit, scaled to 8" in fates["deep.png"] and "EXIF" in fates["turned.jpg"]
-    assert "no image that can be read" in fates["corrupt.jpg"] and "no image that can be read" in fates["empty.png"]
+    assert "damaged" in fates["corrupt.jpg"] and "the file is empty" in fates["empty.png"]
+    assert "convert it to PNG" in fates["phone.heic"]
     assert "not used: it has 1600 x 1200 px" in fates["large.png"] and fates["blank.png"].startswith("no board")
     assert sum(one.used for one in run.boards) == 5 and run.calibration is not None
     assert all(name in run.summary() for name in fates)
@@ -155,7 +157,7 @@ def test_a_camera_from_a_file_and_a_lost_frame(run, sample, tmp_path):
     cv2.imwrite(str(frames / "frame-05.png"), np.full((1200, 1600), 60, np.uint8))
     run.calibration.save(tmp_path / "camera.yaml")
     (tmp_path / "pegpose.yaml").write_text(
-        "board: {columns: 8, rows: 6, square: 29.0}\ncamera: camera.yaml\npart: {n_pegs: 4}\n"
+        "camera: camera.yaml\npart: {n_pegs: 4, pitch_circle_diameter: 97.05, peg_radius: 10.1}\n"
     )
     found = run_folder(tmp_path, progress=False)
     assert [frame.pose is not None for frame in found.frames] == [True, False, True]
@@ -166,7 +168,8 @@ def test_a_camera_from_a_file_and_a_lost_frame(run, sample, tmp_path):
 def test_a_folder_without_boards_says_so(sample, tmp_path):
     (tmp_path / "frames").mkdir()
     (tmp_path / "frames" / "a.png").write_bytes((sample / "frames" / "frame-01.png").read_bytes())
-    (tmp_path / "pegpose.yaml").write_text("board: {columns: 8, rows: 6, square: 29.0}\npart: {n_pegs: 4}\n")
+    text = "board: {columns: 8, rows: 6, square: 29.0}\npart: {n_pegs: 4, pitch_circle_diameter: 97.05, peg_radius: 10.1}\n"
+    (tmp_path / "pegpose.yaml").write_text(text)
     found = run_folder(tmp_path, progress=False)
     assert found.calibration is None and "no images of a board" in found.summary()
     assert found.frames[0].observation is not None and found.frames[0].pose is None
@@ -175,24 +178,45 @@ def test_a_folder_without_boards_says_so(sample, tmp_path):
 
 # ---- descriptions ----
 
+BOARD_AND_PART = (
+    "board: {columns: 8, rows: 6, square: 29}\npart: {n_pegs: 4, pitch_circle_diameter: 97, peg_radius: 10}\n"
+)
+
 
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
         ("", "does not describe a board"),
         ("part: {n_pegs: 4}\n", "does not describe a board"),
-        ("board: {columns: 8, rows: 6, squares: 29}\n", "board has a key that is not known"),
-        ("board: {columns: 1, rows: 6}\n", "board: columns"),
+        ("board: {columns: 8, rows: 6, squares: 29}\n", "board has a key that is not known, squares"),
+        ("board: {columns: 1, rows: 6, square: 9}\n", "board: columns"),
         ("board: 8x6\n", "board is '8x6'"),
-        ("board: {columns: 8, rows: 6}\nframe: x\n", "frame is unknown"),
+        ("board: {columns: 8, rows: 6}\n", "board lacks square"),
+        ("board: {columns: 8, rows: 6, square: 29}\npart: {n_pegs: 4, peg_radius: 9}\n", "part lacks pitch_circle"),
+        (
+            "board: {columns: 8, rows: 6, square: 29}\nring: {n: 4, pitch_radius: 0.05, disc_radius: 0.01}\n",
+            "both in mm",
+        ),
+        ("board: {columns: 8, rows: 6, square: 29}\npart: {centers: [[0, 0]]}\n", "a key that is not known, centers"),
+        (
+            "camera: a.yaml\nring: {n: 4, pitch_radius: 50, disc_radius: 9}\nwheel: {clearance: 1}\n",
+            "a ring has no forecast",
+        ),
+        ("board: {columns: 8, rows: 6, square: 29}\nframe: x\n", "frame is unknown"),
         ("board: {columns: 8, rows: 6}\npart: {n_pegs: 4}\nring: {n: 4}\n", "both part and ring"),
         ("board: [", "is no YAML"),
-        ("board: {columns: 8, rows: 6}\nwheel: {clearance: 0.1}\n", "wheel needs a part with pegs"),
-        ("board: {columns: 8, rows: 6}\npart: {n_pegs: 4}\nwheel: {clearance: -1}\n", "wheel: clearance"),
-        ("board: {columns: 8, rows: 6}\npart: {n_pegs: 4}\nwheel: 0.1\n", "wheel is 0.1"),
-        ("board: {columns: 8, rows: 6}\nradius_range: [60, 20]\n", "radius_range"),
-        ("board: {columns: 8, rows: 6}\nradius_range: 60\n", "radius_range is 60"),
-        ("board: {columns: 8, rows: 6}\nrobot_repeatability: -1\n", "robot_repeatability"),
+        ("board: {columns: 8, rows: 6, square: 29}\nwheel: {clearance: 0.1}\n", "wheel needs a part with equally"),
+        (
+            BOARD_AND_PART + "wheel: {clearance: -1}\n",
+            "wheel: clearance",
+        ),
+        (
+            BOARD_AND_PART + "wheel: 0.1\n",
+            "wheel is 0.1",
+        ),
+        ("board: {columns: 8, rows: 6, square: 29}\nradius_range: [60, 20]\n", "radius_range"),
+        ("board: {columns: 8, rows: 6, square: 29}\nradius_range: 60\n", "radius_range is 60"),
+        ("board: {columns: 8, rows: 6, square: 29}\nrobot_repeatability: -1\n", "robot_repeatability"),
     ],
 )
 def test_unusable_descriptions_say_why(tmp_path, text, reason):
@@ -204,7 +228,7 @@ def test_unusable_descriptions_say_why(tmp_path, text, reason):
 def test_a_missing_description_shows_what_to_write(tmp_path):
     with pytest.raises(ValueError, match="columns: 8"):
         run_folder(tmp_path)
-    (tmp_path / "pegpose.yaml").write_text("board: {columns: 8, rows: 6}\n")
+    (tmp_path / "pegpose.yaml").write_text("board: {columns: 8, rows: 6, square: 29.0}\n")
     with pytest.raises(ValueError, match="has no images"):
         run_folder(tmp_path)
 
@@ -220,15 +244,49 @@ def test_a_plane_must_be_one_of_the_boards(sample, tmp_path):
 
 def test_a_wheel_fits_the_part_where_nothing_else_is_said():
     values = {
-        "board": {"columns": 8, "rows": 6},
-        "part": {"n_pegs": 5, "pitch_circle_diameter": 80.0},
-        "wheel": {"chamfer": 2.0},
+        "board": {"columns": 8, "rows": 6, "square": 25.0},
+        "part": {"n_pegs": 5, "pitch_circle_diameter": 80.0, "peg_radius": 8.0},
+        "wheel": {"clearance": 0.2},
     }
-    assert Description.of(values).wheel == pl.Wheel(n_holes=5, pitch_circle_diameter=80.0, chamfer=2.0)
+    assert Description.of(values).wheel == pl.Wheel(n_holes=5, pitch_circle_diameter=80.0, clearance=0.2)
+
+
+def test_a_wrong_part_gives_doubtful_poses_that_are_not_passed_on(run, sample, tmp_path):
+    """Pegs of half the size, at the same places: they are found by the ring, and their rims say that they are others."""
+    (tmp_path / "frames").symlink_to(sample / "frames")
+    run.calibration.save(tmp_path / "camera.yaml")
+    text = "camera: camera.yaml\npart: {n_pegs: 4, pitch_circle_diameter: 97.05, peg_radius: 9.0}\nwheel: {clearance: 0.1}\n"
+    (tmp_path / "pegpose.yaml").write_text(text)
+    found = run_folder(tmp_path, progress=False)
+    posed = [one for one in found.frames if one.pose is not None]
+    assert posed and all(one.doubtful and one.forecast is None and "doubtful" in one.fate for one in posed)
+    assert "pose.yaml" not in {path.name for path in found.files}
+    table = pl.read_pose_table(tmp_path / "pegpose" / "poses.csv")
+    assert table["flags"].str.contains("misfit-pegs").sum() == len(posed) and table["image"][0] == "frame-01.png"
+    assert "of these doubtful" in (tmp_path / "pegpose" / "report.html").read_text(encoding="utf-8")
+
+
+def test_what_an_earlier_run_wrote_does_not_stay(sample, tmp_path):
+    (tmp_path / "frames").symlink_to(sample / "frames")
+    (tmp_path / "boards").symlink_to(sample / "boards")
+    (tmp_path / "pegpose.yaml").write_text((sample / "pegpose.yaml").read_text())
+    first = {path.name for path in run_folder(tmp_path, workers=1, progress=False).files}
+    (tmp_path / "pegpose.yaml").write_text("board: {columns: 8, rows: 6, square: 29.0}\n")
+    second = {path.name for path in run_folder(tmp_path, workers=1, progress=False).files}
+    assert {"pose.yaml", "poses.csv", "discs.csv", "forecasts.csv"} <= first - second
+    assert {path.name for path in (tmp_path / "pegpose").iterdir()} == second | {"kept"}
+
+
+def test_discs_are_written_for_each_frame(run, sample):
+    discs = pd.read_csv(sample / "pegpose" / "discs.csv")
+    seen = run.frames[1].observation
+    of_frame = discs[discs["image"] == run.frames[1].path.name]
+    np.testing.assert_allclose(of_frame[["x", "y"]], seen.peg_centers)
+    assert of_frame["disc"].tolist() == [1, 2, 3, 4] and set(of_frame["state"]) == {"measured"}
 
 
 def test_rings_are_described_too():
     ring = Description.of(
-        {"board": {"columns": 8, "rows": 6}, "ring": {"n": 5, "pitch_radius": 40.0, "disc_radius": 6.0}}
+        {"board": {"columns": 8, "rows": 6, "square": 25.0}, "ring": {"n": 5, "pitch_radius": 40.0, "disc_radius": 6.0}}
     )
     assert isinstance(ring.part, pl.RingPattern) and ring.part.n_places == 5
