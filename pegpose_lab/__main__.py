@@ -271,7 +271,10 @@ def main(arguments: list[str] | None = None) -> int:
             return _become([str(environment.python()), "-m", "pegpose_lab", *arguments])
         return options.run(options)
     except KeyboardInterrupt:
-        print("\nInterrupted: nothing half-written was left behind.", file=sys.stderr)
+        print(
+            "\nInterrupted: nothing half-written was left behind; `run` and `measure` continue when they are called again.",
+            file=sys.stderr,
+        )
         return 128 + signal.SIGINT
 
 

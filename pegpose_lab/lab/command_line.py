@@ -95,7 +95,8 @@ def _parser(checkout):
         help="calibrate from your own images, find your part in them, and write a report",
         description="Find the board in the images of a folder, calibrate the camera, find the part in its frames, and "
         "write calibration (OpenCV, ROS), poses (CSV, ROS) and one HTML report into FOLDER/pegpose. FOLDER/pegpose.yaml "
-        "describes board and part in three lines. Without FOLDER, sample images are rendered into ./pegpose_sample and used. "
+        "describes board and part (keys: notebook 13); images are in FOLDER/boards and FOLDER/frames. Without FOLDER, "
+        "sample images are rendered into ./pegpose_sample and used. "
         "A run that was interrupted goes on where it stopped.",
     )
     run.add_argument("folder", nargs="?", type=_folder, metavar="FOLDER", help="images and pegpose.yaml")

@@ -9,6 +9,7 @@ from .boards import BoardImage
 from .description import Description, read_description
 from .folder import FolderRun, run_folder
 from .reading import Picture, read_picture
+from .report import parameter_table
 from .sample import write_sample
 from .writing import forecast_table
 
@@ -18,6 +19,7 @@ __all__ = [
     "FolderRun",
     "Picture",
     "forecast_table",
+    "parameter_table",
     "read_description",
     "read_picture",
     "run_folder",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+import pandas as pd
 
 from .reading import read_picture
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 WIDTH = 420  # px, of a thumbnail
 MOST_SHOWN = 24  # thumbnails of boards, and of frames: the first ones
 GREEN, ORANGE, BLUE = (115, 158, 0), (0, 94, 213), (178, 114, 0)  # the project's colours, in OpenCV's order
+UNITS = {"focal_length": "mm", "kappa1": "1/mm²"} | dict.fromkeys(("f_x", "f_y", "c_x", "c_y"), "px")
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 64rem; padding: 0 1rem; color: #222; }
 h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #ddd; }
@@ -131,21 +133,34 @@ def _camera(calibration, why_not):
     """The parameters with their 95 % intervals, and the flags."""
     if calibration is None:
         return f'<p class="flag">{_text(why_not)}</p>'
-    values = calibration.camera.parameters
-    rows = []
-    for name in values:
+    flags = "".join(f'<p class="flag"><b>{_text(flag.code)}</b>: {_text(flag)}</p>' for flag in calibration.flags)
+    table = parameter_table(calibration)
+    return _table(list(table), table.to_numpy().tolist(), (1, 2)) + flags
+
+
+def parameter_table(calibration: Calibration) -> pd.DataFrame:
+    """The camera's parameters as texts: value, 95 % interval, unit.
+
+    Examples
+    --------
+    >>> import pegpose_lab as pl
+    >>> views = pl.paper_experiment()
+    >>> points = [views.camera.project(views.board.object_points, pose) for pose in views.cam_from_boards]
+    >>> found = pl.calibrate_joint([views.board.object_points] * 5, points, views.camera.sensor)
+    >>> parameter_table(found)["parameter"].tolist()
+    ['focal_length', 'kappa1', 'c_x', 'c_y']
+    """
+    values, rows = calibration.camera.parameters, []
+    for name, value in values.items():
         if calibration.covariance is not None and name in calibration.covariance:
             low, high = calibration.interval(name)
-            rows.append([name, f"{values[name]:.6g}", f"{low:.6g} to {high:.6g}"])
+            digits = max(0, 1 - int(np.floor(np.log10((high - low) / 4)))) if high > low else 6  # two of the sigma
+            texts = [f"{value:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"]
         else:
-            tied = name == "f_y" and values["f_y"] == values.get("f_x")
-            rows.append([name, f"{values[name]:.6g}", "as f_x: square pixels" if tied else "not estimated"])
-    flags = "".join(f'<p class="flag"><b>{_text(flag.code)}</b>: {_text(flag)}</p>' for flag in calibration.flags)
-    unit = "mm; principal point in px" if "focal_length" in values else "px"
-    text = f"<p>Lengths in {unit}; the coefficients of the lens have OpenCV's order and meaning.</p>"
-    if "kappa1" in values:
-        text = f"<p>Lengths in {unit}; kappa1 is Eq. 3's coefficient, 1/mm².</p>"
-    return text + _table(["parameter", "value", "95 % interval"], rows, (1, 2)) + flags
+            tied = name == "f_y" and value == values.get("f_x")
+            texts = [f"{value:.6g}", "as f_x: square pixels" if tied else "not estimated"]
+        rows.append([name, *texts, UNITS.get(name, "")])
+    return pd.DataFrame(rows, columns=["parameter", "value", "95 % interval", "unit"])
 
 
 def _coverage(boards):

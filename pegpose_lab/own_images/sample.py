@@ -15,13 +15,12 @@ if TYPE_CHECKING:
     from os import PathLike
 
 FRAMES = (0, 9, 18, 27, 36, 44)
-TEXT = """# Describe board and part in three lines; all measures in mm.
+TEXT = """# All measures in mm.
 board: {columns: 8, rows: 6, square: 29.0}
 part: {n_pegs: 4, pitch_circle_diameter: 97.05, peg_radius: 10.1}
-wheel: {clearance: 0.1}   # its holes are wider than the pegs by 0.1 mm in radius
-robot_repeatability: 0.05
+wheel: {clearance: 0.1}   # radius of a hole minus that of a peg
+robot_repeatability: 0.05   # RP of the robot's data sheet
 plane: last            # the last board lay on the tops of the pegs
-pixel_pitch: 0.0371    # of the sensor; leave it out, and the focal length is in px
 """
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from ..checks import CalibrationError, as_pose
-from ..flags import Flag
 from .discs import Pose, back_project_discs, place_discs, pose_of
 from .fit import NEAR, approach, descend, fit_in_plane, fit_pose
+from .misfit import misfit_flags
 from .observed import observed_discs, other_parts
 from .two_poses import choose, flags_of, mirrored_fit
 from .uncertainty import Causes, budget_of
@@ -21,15 +21,12 @@ if TYPE_CHECKING:
 
     from ..calibration import Calibration
     from ..camera import FisheyeCamera, OpenCVCamera, TsaiCamera
+    from ..flags import Flag
     from ..patterns import RingPattern
     from ..pegs import PegObservation
     from ..targets import Hub
 
 # ---- the hub ----
-
-
-MISFIT = 5.0  # times the sigmas: real rims err by two or three, a wrong part or camera by tens
-LEAST_MISFIT = 0.1  # px
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,21 +209,8 @@ def estimate_pose(
         budget=budget,
         alternative=None if other is None else _transform(other.pose),
         log_likelihood_ratio=ratio,
-        flags=(*flags_of(ratio), *_misfit(fit.cost, discs, residuals[used], 6 if plane is None else 3, known)),
+        flags=(*flags_of(ratio), *misfit_flags(fit, discs, 6 if plane is None else 3, known)),
     )
-
-
-def _misfit(cost, discs, residuals, unknowns, known):
-    """A flag if the pegs lie farther from where the pose puts them than their sigmas allow by far."""
-    count = np.count_nonzero(np.diagonal(discs.information, axis1=1, axis2=2)) - unknowns
-    factor, rms = np.sqrt(cost / max(count, 1)), np.sqrt(np.mean(np.sum(residuals**2, axis=1)))
-    if not known or factor < MISFIT or rms < LEAST_MISFIT:
-        return ()
-    text = (
-        f"The pegs are seen {rms:.2g} px (rms) from where this pose puts them, {factor:.0f} times what their sigmas allow: "
-        "part, camera or plane is not as described, and the covariance does not hold."
-    )
-    return (Flag("misfit-pegs", text),)
 
 
 def _tops(seen, camera, pose, images, residuals):

@@ -252,17 +252,17 @@ def test_a_wheel_fits_the_part_where_nothing_else_is_said():
 
 
 def test_a_wrong_part_gives_doubtful_poses_that_are_not_passed_on(run, sample, tmp_path):
-    """Pegs of half the size, at the same places: they are found by the ring, and their rims say that they are others."""
+    """A place that is 3 mm off: the ring is found, and no pose fits."""
     (tmp_path / "frames").symlink_to(sample / "frames")
     run.calibration.save(tmp_path / "camera.yaml")
-    text = "camera: camera.yaml\npart: {n_pegs: 4, pitch_circle_diameter: 97.05, peg_radius: 9.0}\nwheel: {clearance: 0.1}\n"
+    text = "camera: camera.yaml\nring: {centers: [[-34, -34], [34, -34], [36, 36], [-34, 34]], disc_radius: 10.1}\n"
     (tmp_path / "pegpose.yaml").write_text(text)
     found = run_folder(tmp_path, progress=False)
     posed = [one for one in found.frames if one.pose is not None]
-    assert posed and all(one.doubtful and one.forecast is None and "doubtful" in one.fate for one in posed)
+    assert posed and all(one.doubtful and "doubtful" in one.fate for one in posed)
     assert "pose.yaml" not in {path.name for path in found.files}
     table = pl.read_pose_table(tmp_path / "pegpose" / "poses.csv")
-    assert table["flags"].str.contains("misfit-pegs").sum() == len(posed) and table["image"][0] == "frame-01.png"
+    assert table["flags"].str.contains("misfit").sum() == len(posed) and table["image"][0] == "frame-01.png"
     assert "of these doubtful" in (tmp_path / "pegpose" / "report.html").read_text(encoding="utf-8")
 
 

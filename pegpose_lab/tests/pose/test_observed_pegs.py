@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from pegpose_lab import CalibrationError, RingPattern
+from pegpose_lab import CalibrationError, RingPattern, locate_pegs, render_hub
 from pegpose_lab.paper import paper_camera
 from pegpose_lab.pose import estimate_pose, project_discs
 from pegpose_lab.targets import Hub
@@ -130,3 +130,15 @@ def test_unusable_sigmas():
             estimate_pose(SimpleNamespace(**vars(good) | {name: value}), CAMERA, HUB)
     with pytest.raises(ValueError, match="screw_centers has 2 rows"):
         estimate_pose(good, CAMERA, replace(HUB, screw_angles=(0.5, 1.5, 2.5)))
+
+
+def test_pegs_that_do_not_fit_the_pose_are_flagged():
+    """A part with a peg half a millimetre from its place."""
+    camera, hub = paper_camera(), Hub()
+    pose = RigidTransform.from_components([4.0, -3.0, 420.0], Rotation.from_euler("xyz", [12, -8, 25], True))
+    found = locate_pegs(render_hub(camera, pose, hub, rng=0), hub)
+    assert "misfit-pegs" not in [flag.code for flag in estimate_pose(found, camera, hub).flags]
+    moved = found.peg_centers + np.array([[1.5, -1.0], [0, 0], [0, 0], [0, 0]])
+    for plane in (None, pose):
+        flags = estimate_pose(replace(found, peg_centers=moved), camera, hub, plane=plane).flags
+        assert "misfit-pegs" in [flag.code for flag in flags]

@@ -133,10 +133,11 @@ def test_jupyterlab_understands_what_it_is_told(checkout):
 
 
 def test_settings_name_what_jupyterlab_knows():
-    """No autosave, no question about news: as the schemas of the pinned JupyterLab call it."""
+    """No autosave, no question about news, whole names of files: as the schemas of the pinned JupyterLab call it."""
     overrides = json.loads((exploring.SETTINGS / "overrides.json").read_text(encoding="utf-8"))
     schemas = Path(environment.sys.prefix, "share", "jupyter", "lab", "schemas")
     wanted = {"autosave": False, "fetchNews": "false", "checkForUpdates": False}
+    wanted |= {"showLastModifiedColumn": False}
     assert {key: value for plugin in overrides.values() for key, value in plugin.items()} == wanted
     for plugin, values in overrides.items():
         package, name = plugin.split(":")
