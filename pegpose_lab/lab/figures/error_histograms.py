@@ -28,7 +28,7 @@ READINGS = {"mean": SERIES[2], "rms": SERIES[1]}
 def plot_distances(ax: Axes, distances: Mapping[str, Floats], limit: float, bins: Floats) -> None:
     """Draw histograms of re-projection distances (n,), px, of each of `METHODS`, and Fig. 6's limit.
 
-    The first method is filled and the second an outline; the legend above the axes has the shares below the limit, and the limit.
+    The first method is filled and the second an outline; the legend above the axes has the limit and the shares below it.
     """
     styles = ({"histtype": "stepfilled", "alpha": 0.45}, {"histtype": "step", "linewidth": 1.8})
     for (method, values), style in zip(distances.items(), styles, strict=True):
