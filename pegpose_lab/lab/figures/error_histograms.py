@@ -28,13 +28,13 @@ READINGS = {"mean": SERIES[2], "rms": SERIES[1]}
 def plot_distances(ax: Axes, distances: Mapping[str, Floats], limit: float, bins: Floats) -> None:
     """Draw histograms of re-projection distances (n,), px, of each of `METHODS`, and Fig. 6's limit.
 
-    The first method is filled and the second an outline; the legend above the axes has the shares below the limit.
+    The first method is filled and the second an outline; the legend above the axes has the limit and the shares below it.
     """
     styles = ({"histtype": "stepfilled", "alpha": 0.45}, {"histtype": "step", "linewidth": 1.8})
     for (method, values), style in zip(distances.items(), styles, strict=True):
-        label = f"{method}: {100 * np.mean(values < limit):.0f} % below {limit:g} px"
+        label = f"{method}: {100 * np.mean(values < limit):.0f} % below"
         ax.hist(values, bins=bins, color=METHODS[method], label=label, **style)
-    ax.axvline(limit, color=COLORS["paper"], linestyle=":")
+    ax.axvline(limit, color=COLORS["paper"], linestyle=":", label=f"limit of Fig. 6, {limit:g} px")
     ax.set(xlabel="re-projection distance (px)", xlim=(0, bins[-1]))
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=9)
 

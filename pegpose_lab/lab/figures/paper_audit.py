@@ -26,22 +26,21 @@ STATUS = {
     "not determined": (SERIES[3], "s"),
     "candidate": (SERIES[5], "D"),
 }
-"""Colour and symbol of what the printed numbers say of an item."""
+"""Colour and symbol of an item: settled by printed numbers or an argument, open, and open with a candidate shown."""
 
-_PLACES = {"status": 0.012, "item": 0.035, "A": 0.255, "B": 0.635}  # of the width of the axes
+_NAMES = {"candidate": "not determined, with a candidate"}  # in the legend
+_PLACES = {"status": 0.012, "item": 0.04, "finding": 0.33}  # of the width of the axes
 
 
 def plot_overview(ax: Axes, rows: Sequence[Mapping[str, str]]) -> None:
-    """Draw the audit as a list: status as a coloured symbol, item, and the short numbers of the two readings.
+    """Draw the audit as a list: status as a coloured symbol, item, and one phrase that says what is found.
 
-    Each of `rows` has "item", "A", "B", "status" (a key of `STATUS`) and "remains": the reading that remains ("A", "B"),
-    drawn bold in the colour of its status, "neither", or "" where both are.
+    Each of `rows` has "item", "finding" and "status" (a key of `STATUS`).  A finding is bold if its item is determined.
     """
     ax.set(xlim=(0, 1), ylim=(len(rows) - 0.4, -1.2))
     ax.axis("off")
-    for name, text in (("item", "item"), ("A", "reading A"), ("B", "reading B")):
+    for name, text in (("item", "item"), ("finding", "what is found")):
         ax.text(_PLACES[name], -0.85, text, va="center", weight="bold")
-    ax.text(1, -0.85, "bold: remains, grey: excluded", va="center", ha="right", fontsize=9, color="0.4")
     ax.axhline(-0.5, color="0.3", linewidth=1)
     for number, row in enumerate(rows):
         color, marker = STATUS[row["status"]]
@@ -49,21 +48,33 @@ def plot_overview(ax: Axes, rows: Sequence[Mapping[str, str]]) -> None:
             ax.axhspan(number - 0.5, number + 0.5, color="0.955", linewidth=0, zorder=0)
         ax.plot(_PLACES["status"], number, marker, color=color, markersize=7)
         ax.text(_PLACES["item"], number, row["item"], va="center")
-        for key in "AB":
-            remains = key == row["remains"]
-            out = row["remains"] not in ("", key)
-            style = {"color": color if remains else "0.5" if out else "0.1", "weight": "bold" if remains else "normal"}
-            ax.text(_PLACES[key], number, row[key], va="center", fontsize=9, **style)
+        settled = row["status"] == "determined"
+        style = {"color": color if settled else "0.1", "weight": "bold" if settled else "normal"}
+        ax.text(_PLACES["finding"], number, row["finding"], va="center", **style)
     counts = {status: sum(row["status"] == status for row in rows) for status in STATUS}
     for status, (color, marker) in STATUS.items():
-        ax.plot([], [], marker, color=color, markersize=7, label=f"{status}: {counts[status]}")
+        label = f"{_NAMES.get(status, status)}: {counts[status]}"
+        ax.plot([], [], marker, color=color, markersize=7, label=label)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.005), ncols=len(STATUS))
 
 
-def plot_square(ax: Axes, pixels: Floats, fitted: Floats, *, tilt: float) -> None:
-    """Draw Table 2's pegs (4, 2) px and the best fit of a square with Table 1's tilt (deg), with the lengths of all sides."""
-    shapes = {"Table 2 (lengths inside)": (pixels, COLORS["paper"], 0.24)}
-    shapes[f"square tilted by {tilt:.1f}°, best fit (lengths outside)"] = fitted, B, -0.24
+def plot_square(ax: Axes, pixels: Floats, fitted: Mapping[str, Floats], *, tilts: Mapping[str, float]) -> None:
+    """Draw Table 2's pegs and the best fit of a square for either reading.
+
+    Parameters
+    ----------
+    ax : Axes
+    pixels : (4, 2) array
+        px.
+    fitted : {"A", "B": (4, 2) array}
+        The square with Table 1's tilt, with the lengths of its sides outside, and that with its tilt free, as rings; px.
+    tilts : {"A", "B": float}
+        deg.
+    """
+    shapes = {
+        "Table 2 (lengths inside)": (pixels, COLORS["paper"], 0.24),
+        f"A: square with Table 1's tilt, {tilts['A']:.1f}° (lengths outside)": (fitted["A"], A, -0.24),
+    }
     for label, (shape, color, inwards) in shapes.items():
         plot_quadrilateral(ax, shape, color=color, label=label)
         for start, end in zip(shape, np.roll(shape, -1, axis=0), strict=True):
@@ -71,6 +82,8 @@ def plot_square(ax: Axes, pixels: Floats, fitted: Floats, *, tilt: float) -> Non
             place = middle + inwards * (shape.mean(axis=0) - middle)
             text = f"{np.linalg.norm(end - start):.0f} px"
             ax.annotate(text, place, ha="center", va="center", color=color)
+    ring = {"markersize": 12, "markerfacecolor": "none", "markeredgewidth": 1.8}
+    ax.plot(*fitted["B"].T, "o", color=B, label=f"B: square with its tilt free, {tilts['B']:.1f}°", **ring)
     for number, point in enumerate(pixels, 1):
         outward = 0.13 * (point - pixels.mean(axis=0)) * [1, -1]
         ax.annotate(f"peg {number}", point, xytext=outward, textcoords="offset points", ha="center", va="center")

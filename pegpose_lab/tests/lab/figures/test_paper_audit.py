@@ -24,27 +24,24 @@ def texts(ax):
 
 
 def test_overview_has_a_symbol_a_row_and_counts_them(ax):
-    row = {"item": "Eq. 1", "A": "one", "B": "two", "remains": ""}
-    rows = [
-        {**row, "status": "determined", "remains": "B"},
-        {**row, "status": "candidate"},
-        {**row, "status": "candidate"},
-    ]
+    row = {"item": "Eq. 1", "finding": "one of two"}
+    rows = [{**row, "status": status} for status in ("determined", "candidate", "candidate")]
     paper_audit.plot_overview(ax, rows)
     symbols = [(line.get_marker(), to_hex(line.get_color())) for line in ax.lines if len(line.get_xdata()) == 1]
     assert [(color.lower(), mark) for mark, color in symbols] == [
         (paper_audit.STATUS[row["status"]][0].lower(), paper_audit.STATUS[row["status"]][1]) for row in rows
     ]
     shown = [text.get_text() for text in ax.get_legend().get_texts()]
-    assert shown == ["determined: 1", "not determined: 0", "candidate: 2"]
-    (left,) = [text for text in ax.texts if text.get_text() == "two" and text.get_weight() == "bold"]
-    assert to_hex(left.get_color()) == paper_audit.STATUS["determined"][0].lower()
+    assert shown == ["determined: 1", "not determined: 0", "not determined, with a candidate: 2"]
+    (bold,) = [text for text in ax.texts if text.get_text() == "one of two" and text.get_weight() == "bold"]
+    assert to_hex(bold.get_color()) == paper_audit.STATUS["determined"][0].lower()
 
 
-def test_square_has_the_lengths_of_its_sides(ax):
+def test_square_has_the_lengths_of_its_sides_and_rings_for_the_free_fit(ax):
     square = np.array([[0, 0], [100, 0], [100, 100], [0, 100]], float)
-    paper_audit.plot_square(ax, square, 2 * square, tilt=11.9)
+    paper_audit.plot_square(ax, square, {"A": 2 * square, "B": square + 1}, tilts={"A": 11.9, "B": 1.9})
     assert texts(ax)[:8] == ["100 px"] * 4 + ["200 px"] * 4 and texts(ax)[8:] == [f"peg {k}" for k in (1, 2, 3, 4)]
+    assert np.array_equal(ax.lines[2].get_xydata(), square + 1)
 
 
 def test_drift_beside_table_3():
