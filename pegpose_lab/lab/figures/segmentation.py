@@ -59,7 +59,7 @@ def plot_histogram(ax: Axes, counts: NDArray[np.int_], levels: Mapping[str, floa
         ax.annotate(name, (grey, counts[int(grey)]), (shift, 2), textcoords="offset points", ha=side, fontsize=9)
     ax.axvline(threshold, color=THRESHOLD)
     ax.annotate(f"t* = {threshold:.0f}", (threshold, 4 * counts.max()), (5, -9), textcoords="offset points", fontsize=9)
-    ax.set(xlabel="grey value", ylabel="pixels", yscale="log", xlim=(25, 185), ylim=(1, 6 * counts.max()))
+    ax.set(xlabel="grey value", ylabel="pixels", yscale="log", xlim=(25, 186), ylim=(1, 6 * counts.max()))
 
 
 def plot_between_class_variance(ax: Axes, variance: Floats, flat: Sequence[int], threshold: float) -> None:
@@ -72,7 +72,7 @@ def plot_between_class_variance(ax: Axes, variance: Floats, flat: Sequence[int],
         f"t* = {threshold:.0f}", (threshold, 1.06 * variance.max()), (5, 0), textcoords="offset points", fontsize=9
     )
     ax.set(xlabel="threshold t (grey value)", ylabel="$\\sigma_B^2$ (grey values²)")
-    ax.set(xlim=(25, 185), ylim=(0, 1.15 * variance.max()))
+    ax.set(xlim=(25, 186), ylim=(0, 1.15 * variance.max()))
 
 
 def plot_masks(
