@@ -1,4 +1,4 @@
-"""Draws images, masks, circles and ellipses in pixel coordinates (`plotting` passes them on)."""
+"""Draws images, masks, circles, ellipses and the rims of pegs in pixel coordinates (`plotting` passes them on)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike, NDArray
 
+    from ..pegs import PegObservation
+
     Floats = NDArray[np.float64]
+
+TURN = np.linspace(0, 2 * np.pi, 100)
 
 
 def plot_image(
@@ -96,3 +100,28 @@ def plot_ellipses(
             Ellipse(center, 2 * major, 2 * minor, angle=np.rad2deg(angle), fill=False, color=color, linewidth=1.2)
         )
     ax.plot(*np.atleast_2d(centers).T, "x", color=color, markersize=5, label=label)
+
+
+def plot_rims(ax: Axes, observation: PegObservation, *, color: str = COLORS["joint"]) -> None:
+    """Draw the rims of located pegs as they look in their plane's perspective, with the centres of these outlines."""
+    for rim in peg_rims(observation):
+        ax.plot(*rim.T, color=color, linewidth=1.2)
+    ax.plot(*observation.peg_centers.T, "+", color=color, markersize=7)
+
+
+def peg_rims(observation: PegObservation) -> NDArray[np.float64]:
+    """Images of the pegs' rims (n_pegs, 100, 2), px: circles in the plane of the pegs, with the area that was found."""
+    center = _mapped(np.linalg.inv(observation.homography), observation.peg_centers)
+    outlines = center[:, None] + np.column_stack([np.cos(TURN), np.sin(TURN)])
+    images = _mapped(observation.homography, outlines) - observation.peg_centers[:, None]
+    x, y = images[:, :-1].transpose(2, 0, 1)
+    following = images[:, 1:].transpose(2, 0, 1)
+    area = np.abs((x * following[1] - y * following[0]).sum(axis=1)) / 2
+    radius = observation.peg_radii / np.sqrt(area / np.pi)
+    return _mapped(observation.homography, center[:, None] + radius[:, None, None] * (outlines - center[:, None]))
+
+
+def _mapped(homography, points):
+    """Points (..., 2) through a homography."""
+    image = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1) @ homography.T
+    return image[..., :2] / image[..., 2:]

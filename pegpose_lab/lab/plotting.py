@@ -19,6 +19,7 @@ from .image_plots import plot_circles as plot_circles
 from .image_plots import plot_ellipses as plot_ellipses
 from .image_plots import plot_image as plot_image
 from .image_plots import plot_mask as plot_mask
+from .image_plots import plot_rims as plot_rims
 from .style import COLORS, DPI, STYLE
 from .style import DETECTORS as DETECTORS
 from .style import SERIES as SERIES

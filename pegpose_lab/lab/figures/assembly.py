@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.patches import Circle
 
-from ..plotting import COLORS, SERIES, plot_circles, plot_image
+from ..plotting import COLORS, SERIES, plot_image, plot_rims
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -52,17 +52,23 @@ TOGETHER = {
 def plot_located_hub(
     ax: Axes, frame: NDArray[np.uint8], observation: PegObservation, camera: TsaiCamera, pose: HubPose
 ) -> None:
-    """Draw the part of an image round the hub, its numbered pegs, and the x and y axes of the hub's estimated frame."""
+    """Draw the part of an image round the hub, the rims of its numbered pegs, and the axes of the hub's estimated frame.
+
+    The axes hub x and hub y lie in the plane of the peg tops, so they do not begin in the middle of the bore.
+    """
     left, top = np.maximum(observation.hub_center - HALF, 0)
     right, bottom = observation.hub_center + HALF
     bright = np.clip(1.5 * frame.astype(float) - 25, 0, 255).astype(np.uint8)
     plot_image(ax, bright, limits=(left, right, top, bottom))
-    plot_circles(ax, observation.peg_centers, observation.peg_radii, color=COLORS["joint"])
+    plot_rims(ax, observation)
     for number, center in enumerate(observation.peg_centers, 1):
         ax.annotate(str(number), center, (7, 7), textcoords="offset points", color=COLORS["joint"], weight="bold")
     origin, *ends = camera.project(np.vstack([np.zeros(3), AXIS * np.eye(3)[:2]]), pose.cam_from_hub)
-    for end, color in zip(ends, SERIES[1:3], strict=True):
+    sides = ("hub $x$", (-4, -4), "right", "top"), ("hub $y$", (6, -8), "left", "top")
+    for end, color, (name, shift, ha, va) in zip(ends, SERIES[1:3], sides, strict=True):
         ax.annotate("", end, origin, arrowprops={"arrowstyle": "-|>", "color": color, "linewidth": 2})
+        style = {"textcoords": "offset points", "color": "white", "ha": ha, "va": va}
+        ax.annotate(name, (origin + end) / 2, shift, **style)
     ax.set(xlabel=None, ylabel=None, xticks=[], yticks=[])
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...own_images import read_picture
+from ..image_plots import peg_rims
 from ..plotting import COLORS, plot_image
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 AROUND = 1.4
 """Half the side of the part that is shown, over the largest distance of a rim from the middle of the ring."""
-
-TURN = np.linspace(0, 2 * np.pi, 100)
 
 
 def plot_board(ax: Axes, board: BoardImage) -> None:
@@ -54,21 +53,3 @@ def plot_found(ax: Axes, image: NDArray[np.uint8], observation: PegObservation, 
         below = (center[0], rim[:, 1].max())
         ax.annotate(str(number), below, (0, -4), textcoords="offset points", color="white", ha="center", va="top",
                     weight="bold", fontsize=11)  # fmt: skip
-
-
-def peg_rims(observation: PegObservation) -> NDArray[np.float64]:
-    """Images of the pegs' rims (n_pegs, 100, 2), px: circles in the plane of the pegs, with the area that was found."""
-    center = _mapped(np.linalg.inv(observation.homography), observation.peg_centers)
-    outlines = center[:, None] + np.column_stack([np.cos(TURN), np.sin(TURN)])
-    images = _mapped(observation.homography, outlines) - observation.peg_centers[:, None]
-    x, y = images[:, :-1].transpose(2, 0, 1)
-    following = images[:, 1:].transpose(2, 0, 1)
-    area = np.abs((x * following[1] - y * following[0]).sum(axis=1)) / 2
-    radius = observation.peg_radii / np.sqrt(area / np.pi)
-    return _mapped(observation.homography, center[:, None] + radius[:, None, None] * (outlines - center[:, None]))
-
-
-def _mapped(homography, points):
-    """Points (..., 2) through a homography."""
-    image = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1) @ homography.T
-    return image[..., :2] / image[..., 2:]

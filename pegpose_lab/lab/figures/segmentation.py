@@ -54,9 +54,12 @@ def plot_histogram(ax: Axes, counts: NDArray[np.int_], levels: Mapping[str, floa
     """Draw a histogram (256,) of grey values on a logarithmic scale, with the names of its levels, and a threshold."""
     ax.stairs(counts, np.arange(257) - 0.5, fill=True, color="0.65")
     for name, grey in levels.items():
-        ax.annotate(name, (grey, 1.6 * counts[int(grey)]), rotation=90, ha="center", va="bottom", fontsize=9)
+        outer = grey < threshold or grey == max(levels.values())
+        side, shift = ("left", 5) if outer else ("right", -5)
+        ax.annotate(name, (grey, counts[int(grey)]), (shift, 2), textcoords="offset points", ha=side, fontsize=9)
     ax.axvline(threshold, color=THRESHOLD)
-    ax.set(xlabel="grey value", ylabel="pixels", yscale="log", xlim=(25, 185), ylim=(1, 3e8))
+    ax.annotate(f"t* = {threshold:.0f}", (threshold, 4 * counts.max()), (5, -9), textcoords="offset points", fontsize=9)
+    ax.set(xlabel="grey value", ylabel="pixels", yscale="log", xlim=(25, 186), ylim=(1, 6 * counts.max()))
 
 
 def plot_between_class_variance(ax: Axes, variance: Floats, flat: Sequence[int], threshold: float) -> None:
@@ -69,7 +72,7 @@ def plot_between_class_variance(ax: Axes, variance: Floats, flat: Sequence[int],
         f"t* = {threshold:.0f}", (threshold, 1.06 * variance.max()), (5, 0), textcoords="offset points", fontsize=9
     )
     ax.set(xlabel="threshold t (grey value)", ylabel="$\\sigma_B^2$ (grey values²)")
-    ax.set(xlim=(25, 185), ylim=(0, 1.15 * variance.max()))
+    ax.set(xlim=(25, 186), ylim=(0, 1.15 * variance.max()))
 
 
 def plot_masks(

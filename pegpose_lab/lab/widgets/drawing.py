@@ -37,10 +37,23 @@ def _place(point, scale, bits=4):
     return x, y
 
 
+def _outline(picture, points, scale, color, label):
+    """Draw a closed outline (n, 2), px, with its middle and a label next to it."""
+    places = np.array([_place(point, scale) for point in points])
+    cv2.polylines(picture, [places], True, _bgr(color), 2, cv2.LINE_AA, 4)
+    _mark(picture, points.mean(axis=0), np.ptp(points, axis=0).mean() / 2, scale, color, label)
+
+
 def _circle(picture, center, radius, scale, color, label=None):
     """Draw a circle with its centre and, if given, a label next to it."""
     place = _place(center, scale)
     cv2.circle(picture, place, round(16 * scale * radius), _bgr(color), 2, cv2.LINE_AA, 4)
+    _mark(picture, center, radius, scale, color, label)
+
+
+def _mark(picture, center, radius, scale, color, label):
+    """Draw a dot at a centre, and the label, if given, at the rim."""
+    place = _place(center, scale)
     cv2.circle(picture, place, 16 * 2, _bgr(color), -1, cv2.LINE_AA, 4)
     if label is not None:
         corner = np.add(np.floor_divide(place, 16), round(0.75 * scale * radius) * np.array([1, -1])).tolist()

@@ -13,8 +13,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from ...pegs import locate_pegs
 from ...pose import estimate_pose
 from ...render import render_hub
+from ..image_plots import peg_rims
 from ..style import COLORS
-from .drawing import _bgr, _canvas, _circle, _place
+from .drawing import _bgr, _canvas, _circle, _outline, _place
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
 if TYPE_CHECKING:
@@ -113,14 +114,14 @@ def _paint_pegs(picture, scale, seen):
     """Draw labelled pegs and screws, and line 1 of Fig. 5 from the hub's centre to peg 1."""
     ends = (_place(point, scale) for point in (seen.hub_center, seen.peg_centers[0]))
     cv2.line(picture, *ends, _bgr(COLORS["genetic"]), 2, cv2.LINE_AA, 4)
-    for number, (center, radius) in enumerate(zip(seen.peg_centers, seen.peg_radii, strict=False), 1):
-        _circle(picture, center, radius, scale, COLORS["genetic"], str(number))
+    for number, rim in enumerate(peg_rims(seen), 1):
+        _outline(picture, rim, scale, COLORS["genetic"], str(number))
     for number, center in enumerate(seen.screw_centers, 1):
         _circle(picture, center, 6.0 / scale, scale, COLORS["linear"], f"s{number}")
 
 
 def _compare_poses(angle, shift, pose):
-    """Text with truth and estimate, and a remark if the labels are wrong by half a turn, as the screws allow."""
+    """Text with truth, estimate and its error, or a remark if the labels are wrong by half a turn, as the screws allow."""
     found = np.rad2deg(pose.theta)
     error = (found - angle + 180) % 360 - 180
     half_turn_off = abs(error) > 90
@@ -131,4 +132,7 @@ def _compare_poses(angle, shift, pose):
     ]
     if half_turn_off:
         lines.append("The labels are a half turn off: the hub looks the same after a half turn.")
+    else:
+        x, y = 1000 * (pose.x - shift), 1000 * pose.y
+        lines.append(f"error: theta = {1000 * error:.1f} mdeg, x = {x:.1f} µm, y = {y:.1f} µm")
     return "\n".join(lines).replace("-0.00", "0.00")

@@ -284,9 +284,10 @@ def test_hub_explorer_finds_the_truth_it_rendered():
     explorer = hub.hub_explorer(CAMERA, Hub(), PLANE)
     for name, value in (("angle", -140.0), ("angle", -110.0), ("shift", 12.0)):
         explorer.controls[name].value = value
-        truth, estimate = (_numbers(line) for line in explorer.text.splitlines())
+        truth, estimate, error = (_numbers(line) for line in explorer.text.splitlines())
         np.testing.assert_allclose(truth, [explorer.controls["angle"].value, explorer.controls["shift"].value, 0])
         np.testing.assert_allclose(estimate, truth, atol=0.1)
+        np.testing.assert_allclose(error, 1000 * (np.array(estimate) - truth), atol=5.1)  # two decimals are shown
 
 
 def test_hub_explorer_says_when_the_labels_are_a_half_turn_off():

@@ -1,13 +1,13 @@
 """The figures of notebook 12 show the hub where the camera sees it, and the numbers of their tables."""
 
 import numpy as np
-from matplotlib.patches import Circle
 from numpy.testing import assert_allclose
 
 from pegpose_lab import estimate_pose, locate_pegs, study
 from pegpose_lab.lab import plotting
 from pegpose_lab.lab.figures import assembly
 from pegpose_lab.paper import paper_experiment
+from pegpose_lab.render import true_disc
 
 
 def test_pegs_and_axes_are_drawn_at_their_places():
@@ -16,10 +16,16 @@ def test_pegs_and_axes_are_drawn_at_their_places():
     observation = locate_pegs(frame, truth.hub)
     fig, ax = plotting.figure()
     assembly.plot_located_hub(ax, frame, observation, truth.camera, estimate_pose(observation, truth.camera, truth.hub))
-    centers = [patch.center for patch in ax.patches if isinstance(patch, Circle)]
-    exact = truth.camera.project(truth.hub.peg_centers, truth.cam_from_hubs[0])
-    assert_allclose(centers, exact, atol=0.6)  # the centre of a disc's image is not the image of its centre
-    x_axis = ax.texts[-2]
+    exact = [
+        true_disc(truth.camera, truth.cam_from_hubs[0], peg, truth.hub.peg_radius) for peg in truth.hub.peg_centers
+    ]
+    for rim, disc in zip(ax.lines[:4], exact, strict=True):
+        assert_allclose(rim.get_xydata()[:-1].mean(axis=0), disc.centroid, atol=0.6)
+        x, y = (rim.get_xydata() - disc.centroid).T
+        area = np.abs(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1])) / 2
+        assert_allclose(area, disc.area, rtol=0.003)
+    x_axis = ax.texts[4]
+    assert [text.get_text() for text in ax.texts[5::2]] == ["hub $x$", "hub $y$"]
     assert_allclose(x_axis.xyann, truth.camera.project([[0, 0, 0]], truth.cam_from_hubs[0])[0], atol=0.2)
     assert [text.get_text() for text in ax.texts[:4]] == ["1", "2", "3", "4"]
     plotting.plt.close(fig)
