@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.colors import to_rgb
+from matplotlib.patches import Rectangle
 from scipy.stats import norm
 
 from ...discs import fit_discs
@@ -104,8 +105,14 @@ def plot_votes(
     ax.plot(*truth, "+", color=COLORS["measured"], markersize=12, label="true centre", **style)
 
 
+def mark_votes(ax: Axes) -> None:
+    """Mark in the square of `crop` the part in which `plot_votes` shows the votes."""
+    left, right, top, bottom = NEAR_CENTER
+    ax.add_patch(Rectangle((left, top), right - left, bottom - top, fill=False, edgecolor="black", linewidth=1.2))
+
+
 def plot_center_errors(ax: Axes, rms: Series) -> None:
-    """Draw errors of centres (px) with the levels scene, image, method of their index, a row for each scene and image."""
+    """Draw errors of centres (px) with the levels view, image, method of their index, a row for each view and image."""
     cases = list(dict.fromkeys(key[:2] for key in rms.index))
     for number, (method, (color, marker, _)) in enumerate(LOOKS.items()):
         rows = np.arange(len(cases)) + 0.15 * (number - 2)

@@ -22,16 +22,18 @@ if TYPE_CHECKING:
 HEIGHT = 400  # px
 FOCAL_LENGTHS, DEPTHS = (30.0, 66.0), (170.0, 370.0)  # mm, shown
 NOISE = 0.004  # px per axis
-LABELS = {"truth": (-55, 5), "stages 1 + 2": (12, 18), "stage 1": (-70, -8)}
+LABELS = {"truth": (-55, 0), "Table 1, stage 2": (-145, 20), "stages 1 + 2": (12, 18)}
 """Where names stand beside their points, px; the others above on the right."""
 
 
-def principal_point_explorer(experiment: Experiment) -> Explorer:
+def principal_point_explorer(experiment: Experiment, *, start: tuple[int, int] = (0, 0)) -> Explorer:
     """Sliders for how far the assumed principal point is off the true one: f and T_z of view 1, by both stages.
 
     Parameters
     ----------
     experiment : Experiment
+    start : (int, int)
+        Where the sliders stand first, even numbers of px.
 
     Returns
     -------
@@ -72,8 +74,8 @@ def principal_point_explorer(experiment: Experiment) -> Explorer:
         )
 
     controls = {
-        name: _slider(ipywidgets.IntSlider, f"assumed {name[1]}, off by (px)", 0, -60, 60, step=2)
-        for name in ("dx", "dy")
+        name: _slider(ipywidgets.IntSlider, f"assumed {name[1]}, off by (px)", value, -60, 60, step=2)
+        for name, value in zip(("dx", "dy"), start, strict=True)
     }
     return Explorer("principal point explorer", lambda **_: _axes(), draw, controls)
 

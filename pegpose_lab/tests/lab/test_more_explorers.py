@@ -36,6 +36,8 @@ def test_an_assumed_principal_point_moves_f_and_depth():
     first = bytes(explorer.picture.value)
     explorer.controls["dx"].value = 40
     assert bytes(explorer.picture.value) != first and not explorer.failed
+    moved = widgets.principal_point_explorer(experiment, start=(40, 40))
+    assert moved.text == explorer.text and [control.value for control in moved.controls.values()] == [40, 40]
 
 
 def test_the_bias_of_an_ellipse_grows_with_tilt_and_radius_and_falls_with_depth():

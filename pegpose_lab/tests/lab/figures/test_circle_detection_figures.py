@@ -92,3 +92,12 @@ def test_a_labelled_hub_shows_four_numbers_where_the_pegs_are(axes):
     labels = {text.get_text(): text.xy for text in axes[0, 0].texts}
     assert list(labels) == ["1", "2", "3", "4", "s1", "s2"] and len(axes[0, 0].patches) == 7
     assert_allclose(labels["3"], seen.peg_centers[2])
+
+
+def test_the_marked_square_is_where_votes_are_shown(axes):
+    figures.plot_votes(axes[0, 1], np.ones((150, 150)), "votes", peak=(75, 75), truth=(75, 75))
+    figures.mark_votes(axes[0, 0])
+    (square,) = axes[0, 0].patches
+    x, y, width, height = square.get_bbox().bounds
+    assert_allclose([x, x + width], axes[0, 1].get_xlim())
+    assert_allclose([y + height, y], axes[0, 1].get_ylim())
