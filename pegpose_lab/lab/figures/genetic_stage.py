@@ -86,7 +86,7 @@ def plot_run(
     generations: Sequence[int] = (0, 5, 25),
     enlarged: Sequence[float] = (1, 1, 20),
 ) -> AxesImage:
-    """Draw the population of a run in some generations on maps of the objective, in axes of its genes.
+    """Draw the population of a run in some generations on maps of the objective, in axes of its genes, named on the left.
 
     Parameters
     ----------
@@ -135,6 +135,9 @@ def plot_run(
         title = f"generation {generation}{part}\nbest {run.history['best'][generation]:.3f} px"
         ax.set(xlim=ranges[0], ylim=ranges[1], xlabel=name, title=title)
     axes[0].set_ylabel("$T_z$ (mm)")
+    genes = "genes (f, $T_z$)" if mean_c2 is None else "genes (m, $T_z$)"
+    place = {"xycoords": "axes fraction", "rotation": 90, "ha": "center", "va": "center"}
+    axes[0].annotate(genes, (-0.32, 0.5), fontweight="bold", **place)
     return image
 
 

@@ -48,6 +48,7 @@ def test_the_valley_is_lowest_at_the_optimum(axes, genes):
     assert_allclose([(left + right) / 2, (low + high) / 2], [first, OPTIMUM[1]])
     row, column = np.unravel_index(np.argmin(image.get_array()), image.get_array().shape)
     assert max(abs(row + 0.5 - genetic_stage.CELLS / 2), abs(column + 0.5 - genetic_stage.CELLS / 2)) < 3
+    assert axes[0].texts[-1].get_text() == ("genes (f, $T_z$)" if genes == "printed" else "genes (m, $T_z$)")
     dots = [line for line in axes[2].lines if line.get_label() == "population"]
     assert len(dots[0].get_xdata()) == len(run.populations[25])
     assert_allclose(dots[0].get_ydata(), run.populations[25][:, 1])
