@@ -159,7 +159,7 @@ def plot_center_shifts(
     for number, (ax, seen, shift) in enumerate(zip(panels, centers, shifts, strict=True), 1):
         arrows = ax.quiver(*seen.T, *shift.T, **style)
         ax.plot(*seen.T, ".", color="0.6", markersize=3)
-        ax.quiverkey(arrows, 0.86, 0.07, KEY, f"{KEY:g} px", labelpos="N", labelsep=0.06)
+        ax.quiverkey(arrows, 0.81, 1.06, KEY, f"{KEY:g} px", labelpos="E", labelsep=0.05)
         ax.set(
             xlim=(0, size[0]), ylim=(size[1], 0), aspect="equal", title=f"view {number}, tilt {tilts[number - 1]:.0f}°"
         )
@@ -167,9 +167,7 @@ def plot_center_shifts(
         ax.set(xlabel="x (px)" if number > 3 else None, ylabel="y (px)" if number in (1, 4) else None)
     for number, (radius, shift, tilt) in enumerate(zip(radii, shifts, tilts, strict=True), 1):
         length, color = np.hypot(*shift.T), SERIES[(0, 1, 2, 3, 5)[number - 1]]
-        last.plot(radius, length, ".", color=color, markersize=5)
-        place = radius.max(), length[np.argmax(radius)]
-        last.annotate(f"view {number}, {tilt:.0f}°", place, xytext=(6, 0), textcoords="offset points", color=color,
-                      va="center", fontsize=9)  # fmt: skip
+        last.plot(radius, length, ".", color=color, markersize=5, label=f"{number}, {tilt:.0f}°")
+    last.legend(title="view, tilt", loc="upper left", fontsize=8, title_fontsize=8, labelspacing=0.2, handletextpad=0.1)
     last.set(ylim=(0, None), box_aspect=size[1] / size[0])
     last.set(xlabel="radius of the disc's image (px)", ylabel="shift (px)", title="each disc, by view and tilt")

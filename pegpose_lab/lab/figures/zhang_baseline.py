@@ -61,9 +61,7 @@ def plot_focal_by_detector(
         reach = 1.08 * np.abs(off.to_numpy()).max()
         rows = {"yticks": range(len(colors)), "yticklabels": list(colors), "ylim": (len(colors) - 0.5, -0.5)}
         ax.set(title=detector, xlim=(-reach, reach), **rows)
-    axes[-1].set_xlabel(
-        "focal length minus the truth (µm); each panel has its own scale"
-    )
+    axes[-1].set_xlabel("focal length minus the truth (µm); each panel has its own scale")
 
 
 def plot_real_focal_lengths(axes: Sequence[Axes], views: pd.DataFrame, interval: tuple[float, float]) -> None:

@@ -85,4 +85,4 @@ def test_shifts_are_enlarged_and_stand_against_the_radius(axes):
     assert all(ax.collections[0].N == 3 and ax.collections[0].scale == 1 / peg_pose.LONGER for ax in panels)
     assert all(len(ax.artists) == 1 for ax in panels)  # a key in each
     assert np.allclose([line.get_ydata()[0] for line in last.lines], 0.1 * np.sqrt(2) * np.arange(1, 6))
-    assert [text.get_text() for text in last.texts] == [f"view {k}, {10 * k}°" for k in range(1, 6)]
+    assert [line.get_label() for line in last.lines] == [f"{k}, {10 * k}°" for k in range(1, 6)]
