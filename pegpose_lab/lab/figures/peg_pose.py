@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 QUANTITIES = ("x", "y", r"$\theta$")
+WITH_DEPTH = (*QUANTITIES, "depth")
 CHI2_95 = 5.991  # 95 % of chi squared with two degrees of freedom
 LONGER, KEY = 90, 0.2  # the shifts' arrows are so many times longer than the shifts; length of the key's arrow, px
 OUTWARDS = 0.09  # a peg's number stands beyond its centre, by so much of the distance from the hub's
@@ -104,61 +105,69 @@ def plot_pose_ellipses(ax: Axes, errors: Floats, covariances: Mapping[str, Float
     ax.figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center")
 
 
-def plot_trajectory(
-    axes: NDArray, frames: ArrayLike, truth: Mapping[str, Floats], errors: Mapping[str, tuple[Floats, str]]
-) -> None:
-    """Draw true quantities over the frames, one for each column of `axes` (2, n), and below how far each method is off.
+def plot_trajectory(axes: Sequence[Axes], frames: ArrayLike, errors: Mapping[str, tuple[Floats, str]]) -> None:
+    """Draw how far each method is off in x (mm), y (mm) and theta (deg) over the frames, on a logarithmic axis.
 
-    `truth` maps the axis label to the truth (k,); `errors` maps a method to its errors (k, n), in the same units, and its
-    colour.
+    `errors` maps a method to its errors (k, 3) and its colour.  An error of zero has no logarithm and is left out.  The
+    legend is left to the caller.
     """
-    for column, (label, values) in enumerate(truth.items()):
-        upper, lower = axes[:, column]
-        upper.plot(frames, values, color=COLORS["truth"], label="truth")
+    for column, (ax, name, unit) in enumerate(zip(axes, QUANTITIES, ("mm", "mm", "deg"), strict=True)):
         for method, (off, color) in errors.items():
-            lower.semilogy(frames, np.where(off[:, column] == 0, np.nan, np.abs(off[:, column])), ".-", color=color,
-                           linewidth=0.8, markersize=4, label=method)  # fmt: skip
-        upper.set_ylabel(label)
-        lower.set(xlabel="frame", ylabel=f"|error| {label[label.rindex('(') :]}")
-    axes[0, 0].legend()
-    axes[1, -1].legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
+            ax.semilogy(frames, np.where(off[:, column] == 0, np.nan, np.abs(off[:, column])), ".-", color=color,
+                        linewidth=0.8, markersize=4, label=method)  # fmt: skip
+        ax.set(xlabel="frame", ylabel=f"|error| of {name} ({unit})")
 
 
 def plot_pose_errors(axes: NDArray, frames: ArrayLike, rows: Sequence[tuple[str, Floats, str, Sequence[str]]]) -> None:
-    """Draw errors of x, y and theta over the frames in the columns of `axes` (n, 3), one row for each of `rows`.
+    """Draw errors of x, y, theta and depth over the frames in the columns of `axes` (n, 4), one row for each of `rows`.
 
-    A row is (title, values (k, 3), colour, units of the three).
+    A row is (title, values (k, 4), colour, units of the four).  A quantity that a method does not give (all NaN) has an
+    empty axes that says so.
     """
     for row, (title, values, color, units) in zip(axes, rows, strict=True):
-        for ax, name, column, unit in zip(row, QUANTITIES, np.transpose(values), units, strict=True):
+        for ax, name, column, unit in zip(row, WITH_DEPTH, np.transpose(values), units, strict=True):
+            if np.isnan(column).all():
+                ax.set_axis_off()
+                ax.text(0.5, 0.5, f"no {name}", transform=ax.transAxes, color=color, ha="center", va="center")
+                continue
             plot_profiles(ax, frames, {title: column}, colors={title: color}, xlabel="", ylabel=f"{name} ({unit})")
             ax.axhline(0, **_LIGHT)
-        row[1].set_title(title, color=color)
-    for ax in axes[-1]:
-        ax.set_xlabel("frame")
+        row[0].set_title(title, color=color, loc="left")
+    for row in axes[:-1]:
+        for ax in row:
+            ax.tick_params(labelbottom=False)
+    for ax, above in zip(axes[-1], axes[-2], strict=True):
+        (ax if ax.axison else above).set_xlabel("frame")
+        (ax if ax.axison else above).tick_params(labelbottom=True)
 
 
 def plot_center_shifts(
-    axes: NDArray, centers: Sequence[Floats], shifts: Sequence[Floats], tilts: Sequence[float], size: tuple[int, int]
+    axes: NDArray,
+    centers: Sequence[Floats],
+    shifts: Sequence[Floats],
+    radii: Sequence[Floats],
+    tilts: Sequence[float],
+    size: tuple[int, int],
 ) -> None:
     """Draw how far ellipse centres (k, 2) px lie from the images of the discs' centres, enlarged, one of the axes a view.
 
-    The last of `axes` has the mean length against the tilt of the view, deg, with the views' numbers.
+    The arrows of all views have one scale, and each panel has its key.  The last of `axes` has the length of each shift
+    against the disc's radius in the image (k,), px, with the views' numbers and tilts, deg.
     """
     *panels, last = np.ravel(axes)
     style = {"angles": "xy", "scale_units": "xy", "scale": 1 / LONGER, "color": SERIES[1], "width": 0.006}
     for number, (ax, seen, shift) in enumerate(zip(panels, centers, shifts, strict=True), 1):
         arrows = ax.quiver(*seen.T, *shift.T, **style)
         ax.plot(*seen.T, ".", color="0.6", markersize=3)
+        ax.quiverkey(arrows, 0.81, 1.06, KEY, f"{KEY:g} px", labelpos="E", labelsep=0.05)
         ax.set(
             xlim=(0, size[0]), ylim=(size[1], 0), aspect="equal", title=f"view {number}, tilt {tilts[number - 1]:.0f}°"
         )
         ax.set(xticks=np.arange(0, size[0], 100), yticks=np.arange(0, size[1], 100))
         ax.set(xlabel="x (px)" if number > 3 else None, ylabel="y (px)" if number in (1, 4) else None)
-    means = [np.hypot(*shift.T).mean() for shift in shifts]
-    panels[-1].quiverkey(arrows, 0.84, 0.08, KEY, f"{KEY:g} px", labelpos="N", labelsep=0.08)
-    last.plot(tilts, means, "o", color=SERIES[1])
-    for number, place in enumerate(zip(tilts, means, strict=True), 1):
-        last.annotate(str(number), place, xytext=(5, 3), textcoords="offset points")
-    last.set(xlim=(0, 1.15 * max(tilts)), ylim=(0, 1.15 * max(means)), box_aspect=size[1] / size[0])
-    last.set(xlabel="tilt of the view (deg)", ylabel="mean shift (px)", title="all views")
+    for number, (radius, shift, tilt) in enumerate(zip(radii, shifts, tilts, strict=True), 1):
+        length, color = np.hypot(*shift.T), SERIES[(0, 1, 2, 3, 5)[number - 1]]
+        last.plot(radius, length, ".", color=color, markersize=5, label=f"{number}, {tilt:.0f}°")
+    last.legend(title="view, tilt", loc="upper left", fontsize=8, title_fontsize=8, labelspacing=0.2, handletextpad=0.1)
+    last.set(ylim=(0, None), box_aspect=size[1] / size[0])
+    last.set(xlabel="radius of the disc's image (px)", ylabel="shift (px)", title="each disc, by view and tilt")

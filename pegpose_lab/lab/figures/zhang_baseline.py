@@ -44,21 +44,24 @@ def plot_definitions(
 def plot_focal_by_detector(
     axes: Sequence[Axes], intervals: pd.DataFrame, truth: float, *, colors: Mapping[str, str]
 ) -> None:
-    """Draw f less the truth (µm) with its 95 % interval: an axes for each detector, a row for each method.
+    """Draw f minus the truth (µm) with its 95 % interval: an axes for each detector, a row for each method.
 
     `intervals` has the columns detector, method, f, low and high (mm); `colors` gives the methods from top to bottom.
-    Each axes has its own scale, with the truth in the middle.
+    Each axes has its own scale, with the truth in the middle, so half the width of each interval is written beside it.
     """
+    beside = {"ha": "right", "va": "center", "fontsize": 9}
     for ax, (detector, table) in zip(axes, intervals.groupby("detector", sort=False), strict=True):
         off = 1000 * (table.set_index("method")[["f", "low", "high"]] - truth)
         for row, (method, color) in enumerate(colors.items()):
             f, low, high = off.loc[method]
             ax.errorbar(f, row, xerr=[[f - low], [high - f]], fmt="o", color=color, markersize=5, capsize=3)
+            width = f"±{(high - low) / 2:{'.1f' if high - low < 20 else '.0f'}} µm"
+            ax.text(1.1, row, width, color=color, transform=ax.get_yaxis_transform(), **beside)
         ax.axvline(0, color=COLORS["truth"], linewidth=1.0, zorder=0)
         reach = 1.08 * np.abs(off.to_numpy()).max()
         rows = {"yticks": range(len(colors)), "yticklabels": list(colors), "ylim": (len(colors) - 0.5, -0.5)}
         ax.set(title=detector, xlim=(-reach, reach), **rows)
-    axes[-1].set_xlabel("focal length less the truth (µm); each panel has its own scale")
+    axes[-1].set_xlabel("focal length minus the truth (µm); each panel has its own scale")
 
 
 def plot_real_focal_lengths(axes: Sequence[Axes], views: pd.DataFrame, interval: tuple[float, float]) -> None:
@@ -79,12 +82,28 @@ def plot_real_focal_lengths(axes: Sequence[Axes], views: pd.DataFrame, interval:
 
 
 def plot_held_out(
-    axes: Sequence[Axes], in_sample: pd.DataFrame, held_out: pd.DataFrame, *, colors: Mapping[str, str]
+    axes: Sequence[Axes],
+    in_sample: pd.DataFrame,
+    held_out: pd.DataFrame,
+    *,
+    colors: Mapping[str, str],
+    single_view: Sequence[str],
 ) -> None:
-    """Draw rms errors (px) in sample and held out, a row a view and a colour a method (the columns of both tables)."""
-    for ax, table, title in zip(axes, (in_sample, held_out), ("in sample", "held out"), strict=True):
-        values = {method: table[method] for method in colors}
-        plot_dots(ax, list(table.index), values, colors=colors, unit="rms, pose fitted (px)", logarithmic=True)
+    """Draw rms errors (px) in sample and held out, a row a view and a colour a method (the columns of both tables).
+
+    The methods held out have two of the three axes: the rows of the `single_view` methods name the view that gave the camera,
+    those of the others the view that is judged.
+    """
+    others, n_others = [method for method in colors if method not in single_view], len(in_sample) - 1
+    panels = (
+        (in_sample, list(colors), "in sample"),
+        (held_out, list(single_view), f"held out: camera of this view,\nrms over the {n_others} others"),
+        (held_out, others, f"held out: camera of the {n_others} others,\nrms over this view"),
+    )
+    for ax, (table, methods, title) in zip(axes, panels, strict=True):
+        values = {method: table[method] for method in methods}
+        shown = {method: colors[method] for method in methods}
+        plot_dots(ax, list(table.index), values, colors=shown, unit="rms, pose fitted (px)", logarithmic=True)
         ax.set_title(title)
         ax.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
         ax.set_xticks([], minor=True)

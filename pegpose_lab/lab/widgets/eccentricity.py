@@ -27,7 +27,8 @@ def eccentricity_explorer(experiment: Experiment) -> Explorer:
     Parameters
     ----------
     experiment : Experiment
-        Gives the camera, without its distortion: the bias is that of perspective.
+        Gives the camera.  The disc is on its optical axis, where there is hardly any distortion: the shift is that of
+        perspective.
 
     Returns
     -------
@@ -62,14 +63,15 @@ def eccentricity_explorer(experiment: Experiment) -> Explorer:
             cv2.circle(picture, (x, y), 6, _bgr(COLORS[color]), -1, cv2.LINE_AA)
             cv2.putText(picture, name, (x + 12, y + 6), FONT, 0.6, _bgr(COLORS[color]), 1, cv2.LINE_AA)
         return (
-            f"the centre of the ellipse lies {length:.3f} px from the image of the disc's centre (drawn longer); the disc has "
-            f"{image_radius:.1f} px;\nat this depth that is {1000 * length * depth / pixels:.1f} µm on the part"
+            f"the centre of the ellipse lies {length:.3f} px from the image of the disc's centre (drawn longer);\n"
+            f"the radius of the disc's image is {image_radius:.1f} px; "
+            f"at this depth the shift is {1000 * length * depth / pixels:.1f} µm on the part"
         )
 
     controls = {
         "tilt": _slider(ipywidgets.IntSlider, "tilt (deg)", 12, 0, 60),
         "radius": _slider(ipywidgets.FloatSlider, "radius of the disc (mm)", 10.1, 2.0, 40.0, step=0.1),
-        "depth": _slider(ipywidgets.IntSlider, "depth (mm)", 370, 200, 1000, step=10),
+        "depth": _slider(ipywidgets.IntSlider, "depth (mm)", 270, 200, 1000, step=10),
     }
     blank = np.full((HEIGHT, SHOWN_WIDTH, 3), 255, np.uint8)
     return Explorer("eccentricity explorer", lambda **_: blank, draw, controls)

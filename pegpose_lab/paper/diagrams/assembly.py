@@ -28,8 +28,8 @@ TRANSFORMS = {
 def draw_assembly(ax: Axes) -> dict[str, NDArray[np.float64]]:
     """Fig. 1: a fixed camera sees the hub on its shaft, a robot brings the wheel; frames and Eqs. 1 and 2.
 
-    An arrow from frame a to frame b is the pose of b in a, written as in the paper and as the project
-    names it: ``a_from_b`` takes coordinates in b to coordinates in a.  Made for 7.0 x 4.6 inches.
+    An arrow from frame a to frame b stands for the transform ``a_from_b``, which takes coordinates in b to coordinates
+    in a; the labels write it as the paper does.  Made for 7.0 x 4.6 inches.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def draw_assembly(ax: Axes) -> dict[str, NDArray[np.float64]]:
     view.finish(
         "Eq. 1:  ${}^{R}T_{E} = {}^{R}T_{C}\\;{}^{C}T_{P}\\;{}^{P}T_{E}$        "
         "Eq. 2:  ${}^{P}T_{E} = ({}^{C}T_{P})^{-1}\\;{}^{C}T_{E}$\n"
-        "An arrow from frame $a$ to frame $b$ is the pose of $b$ in $a$, named a_from_b."
+        "The arrow $a \\to b$ is ${}^{a}T_{b}$: it takes coordinates in $b$ to coordinates in $a$ (a_from_b in the code)."
     )
     return origins
 

@@ -57,27 +57,32 @@ def test_ellipses_hold_95_percent(axes):
     assert inside.mean() == pytest.approx(0.95, abs=0.01)
 
 
-def test_trajectory_shows_truth_and_lengths_of_errors(axes):
-    grid = axes(2, 2)
-    errors = np.array([[0.0, -1.0], [-2.0, 3.0]])
-    peg_pose.plot_trajectory(grid, [1, 2], {"x (mm)": [0, 1], "θ (deg)": [5, 6]}, {"scale": (errors, "k")})
-    assert grid[0, 1].lines[0].get_ydata().tolist() == [5, 6]
-    assert np.array_equal(grid[1, 0].lines[0].get_ydata(), [np.nan, 2.0], equal_nan=True)  # no logarithm of 0
-    assert grid[1, 1].get_ylabel() == "|error| (deg)" and grid[1, 1].get_yscale() == "log"
+def test_trajectory_shows_lengths_of_errors(axes):
+    row = axes(1, 3)
+    errors = np.array([[0.0, -1.0, 4.0], [-2.0, 3.0, -5.0]])
+    peg_pose.plot_trajectory(row, [1, 2], {"scale": (errors, "k")})
+    assert np.array_equal(row[0].lines[0].get_ydata(), [np.nan, 2.0], equal_nan=True)  # no logarithm of 0
+    assert row[2].lines[0].get_ydata().tolist() == [4, 5]
+    assert row[2].get_ylabel().endswith("(deg)") and row[1].get_yscale() == "log"
 
 
 def test_errors_have_a_row_for_each_title(axes):
-    grid = axes(2, 3)
-    rows = [(name, np.ones((4, 3)), "k", ("mm", "mm", "deg")) for name in ("fine", "coarse")]
+    grid = axes(2, 4)
+    rows = [(name, np.ones((4, 4)), "k", ("mm", "mm", "deg", "mm")) for name in ("fine", "coarse")]
+    rows[1][1][:, 3] = np.nan
     peg_pose.plot_pose_errors(grid, range(4), rows)
-    assert [row[1].get_title() for row in grid] == ["fine", "coarse"]
-    assert all(ax.get_ylabel().endswith(("(mm)", "(deg)")) for ax in grid.ravel())
+    assert [row[0].get_title(loc="left") for row in grid] == ["fine", "coarse"]
+    assert all(ax.get_ylabel().endswith(("(mm)", "(deg)")) for ax in grid.ravel()[:-1])
+    assert [text.get_text() for text in grid[1, 3].texts] == ["no depth"] and grid[0, 3].get_xlabel() == "frame"
 
 
-def test_shifts_are_enlarged_and_averaged(axes):
+def test_shifts_are_enlarged_and_stand_against_the_radius(axes):
     grid = axes(2, 3)
     centers, shifts = [np.full((3, 2), 50.0)] * 5, [np.full((3, 2), 0.1 * k) for k in range(1, 6)]
-    peg_pose.plot_center_shifts(grid, centers, shifts, [10, 20, 30, 40, 50], (320, 240))
+    radii = [np.array([4.0, 5.0, 6.0])] * 5
+    peg_pose.plot_center_shifts(grid, centers, shifts, radii, [10, 20, 30, 40, 50], (320, 240))
     *panels, last = grid.ravel()
     assert all(ax.collections[0].N == 3 and ax.collections[0].scale == 1 / peg_pose.LONGER for ax in panels)
-    assert np.allclose(last.lines[0].get_ydata(), 0.1 * np.sqrt(2) * np.arange(1, 6))
+    assert all(len(ax.artists) == 1 for ax in panels)  # a key in each
+    assert np.allclose([line.get_ydata()[0] for line in last.lines], 0.1 * np.sqrt(2) * np.arange(1, 6))
+    assert [line.get_label() for line in last.lines] == [f"{k}, {10 * k}°" for k in range(1, 6)]

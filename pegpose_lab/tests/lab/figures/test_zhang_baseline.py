@@ -42,6 +42,7 @@ def test_intervals_stand_about_the_truth_in_micrometres(axes):
         assert [len(ax.containers), ax.get_xlim()[0]] == [2, -ax.get_xlim()[1]]
         (bar,) = ax.containers[0].lines[2]
         assert bar.get_segments()[0][:, 0] == pytest.approx([-2, 2], abs=1e-6)
+        assert [text.get_text() for text in ax.texts] == ["±2.0 µm", "±2.0 µm"]
 
 
 def test_a_solution_on_the_edge_of_its_box_gets_a_ring(axes):
@@ -52,10 +53,13 @@ def test_a_solution_on_the_edge_of_its_box_gets_a_ring(axes):
     assert [ring.tolist() for ring in rings] == [[510.0], []]
 
 
-def test_held_out_errors_are_shown_by_method(axes):
+def test_held_out_errors_are_shown_by_method_and_the_two_kinds_of_rows_apart():
+    fig, axes = figure(9, 4, columns=3)
     inside = pd.DataFrame({"first": [0.15, 0.2, 0.3], "second": [0.2, 0.2, 0.2]}, index=VIEWS)
-    zhang_baseline.plot_held_out(axes, inside, 1.5 * inside, colors=TWO)
-    for ax, factor in zip(axes, (1.0, 1.5), strict=True):
-        for method, color in TWO.items():
+    zhang_baseline.plot_held_out(axes, inside, 1.5 * inside, colors=TWO, single_view=["first"])
+    for ax, factor, methods in zip(axes, (1.0, 1.5, 1.5), (list(TWO), ["first"], ["second"]), strict=True):
+        assert [line.get_label() for line in ax.lines if line.get_marker() == "o"] == methods
+        for method in methods:
             shown, drawn = dots(ax, method)
-            assert np.allclose(shown, factor * inside[method]) and drawn == color.lower()
+            assert np.allclose(shown, factor * inside[method]) and drawn == TWO[method].lower()
+    plt.close(fig)
