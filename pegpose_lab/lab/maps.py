@@ -21,6 +21,9 @@ LEVELS, DECADES = 16, 1000.0
 DIGITS = 3
 """Decimal places of the logarithm of a value that is drawn, so that another machine's rounding moves no colour."""
 
+STEP = 0.1
+"""The scale of a map with a centre ends at a multiple of this, so that another machine's rounding moves no colour."""
+
 DOT = 1.5
 """Points, the size of a drawn corner: thousands of corners leave the map visible."""
 
@@ -32,6 +35,7 @@ def plot_image_map(
     image_points: Sequence[ArrayLike] = (),
     title: str | None = None,
     logarithmic: bool = False,
+    center: float | None = None,
 ) -> Any:
     """Draw a map over the image, with a colour bar and, as dots, the points that the calibration was made from.
 
@@ -47,6 +51,8 @@ def plot_image_map(
     logarithmic : bool
         Colours in equal ratios, for maps that grow many times where no corner was seen; what is below a thousandth of
         the largest value has the lowest colour.
+    center : float, optional
+        The value that is drawn white, in the middle of the scale: below it the map is blue, above it red.
 
     Returns
     -------
@@ -65,15 +71,21 @@ def plot_image_map(
     >>> float(ax.get_ylim()[0])  # y is down, as in the image
     1199.0
     """
-    values, style = image_map.values, {"levels": LEVELS}
-    if logarithmic:
+    values, style = image_map.values, {"levels": LEVELS, "cmap": "cividis"}
+    if center is not None:
+        reach = np.ceil(np.abs(values - center).max() / STEP) * STEP
+        style = {"levels": np.linspace(center - reach, center + reach, LEVELS), "cmap": "RdBu_r"}
+    elif logarithmic:
         exponents = np.round(np.log10(np.maximum(values, values.max() / DECADES)), DIGITS)
         values = 10**exponents
         low, high = values.min(), values.max()
-        style = {"levels": np.geomspace(low, high, LEVELS), "norm": LogNorm(low, high)}
-    filled = ax.contourf(image_map.x, image_map.y, values, cmap="cividis", **style)
+        style |= {"levels": np.geomspace(low, high, LEVELS), "norm": LogNorm(low, high)}
+    filled = ax.contourf(image_map.x, image_map.y, values, **style)
     bar = ax.figure.colorbar(filled, ax=ax, label=image_map.label, shrink=0.85)
-    if logarithmic:
+    if center is not None:
+        ticks = np.linspace(center - reach, center + reach, 5)
+        bar.set_ticks(ticks, labels=[f"{value:.2f}" for value in ticks])
+    elif logarithmic:
         ticks = _round_values(filled.levels[0], filled.levels[-1])
         bar.set_ticks(ticks, labels=[f"{value:g}" for value in ticks])
         bar.minorticks_off()

@@ -8,13 +8,14 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
-from ..plotting import COLORS
+from ..plotting import COLORS, SERIES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     import pandas as pd
     from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
 
 STATES = {"measured": COLORS["joint"], "partial": COLORS["linear"], "contradicted": COLORS["genetic"]}
 """Colours of the places of a ring that have a disc."""
@@ -64,7 +65,7 @@ def plot_rings(axes: Iterable[Axes], rings: pd.DataFrame, places: pd.DataFrame, 
             (centers.min(axis=0) + centers.max(axis=0)) / 2, half, np.array([ring.width, ring.height]) - half
         )
         ax.set(xlim=(x - half, x + half), ylim=(y + half, y - half), aspect="equal", xticks=[], yticks=[])
-        ax.set_title(f"{ring.picture.replace('_', ' ')}\n{ring.width} × {ring.height} px", fontsize=9)
+        ax.set_title(f"{ring.picture.replace('_', ' ')}\nimage of {ring.width} × {ring.height} px", fontsize=9)
         ax.spines[:].set(visible=True, color="0.8")
         _draw_scale(ax, half)
     handles = [Line2D([], [], color=STATES[state], label=state) for state in STATES if (places["state"] == state).any()]
@@ -120,3 +121,24 @@ def _stack(ax, parts, colors):
     for name, numbers in parts.items():
         ax.barh(np.arange(len(ends)), numbers, left=ends, color=colors[name], height=0.65, label=name)
         ends = ends + numbers.to_numpy()
+
+
+def plot_pulls(ax: Axes, pulls: pd.DataFrame, aim: tuple[float, float]) -> None:
+    """Draw the pull of each sheet of discs, a row each, beside the honest value 1 and the range that was aimed at.
+
+    `pulls` has the columns dataset and pull.
+    """
+    rows = np.arange(len(pulls))
+    ax.axvspan(*aim, color="0.92", label=f"aim: {aim[0]:g} to {aim[1]:g}")
+    ax.axvline(1, color=COLORS["truth"], linewidth=1, label="honest")
+    ax.plot(pulls["pull"], rows, "o", color=COLORS["joint"], label=r"residual / stated $\sigma$")
+    ax.set(yticks=rows, yticklabels=pulls["dataset"], xlabel="pull", xlim=(0.7, 1.5), ylim=(len(pulls) - 0.5, -0.5))
+    ax.figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+
+
+def plot_states(ax: Axes, centers: ArrayLike, radii: ArrayLike, states: Sequence[str]) -> None:
+    """Draw the places of a ring (n, 2) into the axes of an image (px), with number and state; dashed without a disc."""
+    for number, (center, radius, state) in enumerate(zip(np.asarray(centers), radii, states, strict=True), 1):
+        color, line = STATES.get(state, SERIES[1]), "-" if state in STATES else "--"
+        ax.add_patch(Circle(center, radius, fill=False, color=color, linewidth=2, linestyle=line))
+        ax.annotate(f"{number} {state}", center + [0, radius + 4], color="white", ha="center", va="top", fontsize=8)

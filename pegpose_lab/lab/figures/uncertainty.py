@@ -75,7 +75,7 @@ def plot_single_view(ax: Axes, single: pd.DataFrame, truth: float) -> None:
     ax.set_yscale("symlog", linthresh=1.0)
     ax.set_yticks([-2, -1, 0, 1, 2, 5, 10, 20], ["−2", "−1", "0", "1", "2", "5", "10", "20"])
     ax.set_yticks([], minor=True)
-    ax.set(xlabel="board tilt (deg)", ylabel="f less the truth (%)", ylim=(-3.5, 40))
+    ax.set(xlabel="board tilt (deg)", ylabel="error of f (%)", ylim=(-3.5, 40))
     ax.legend()
 
 
@@ -93,7 +93,7 @@ def plot_profiles(
             color=colors[name],
             markersize=4,
             capsize=2,
-            label=name,
+            label=_symbols(name),
         )
     ax.axhline(0, color="0.8", linewidth=0.8, zorder=0)
     ax.set(xlabel="distance from the principal point (px)", ylabel="mean radial residual (px)", title=title)
@@ -130,5 +130,5 @@ def plot_coverage(ax: Axes, cells: NDArray[np.int_], image_size: tuple[int, int]
     extent = (-0.5, image_size[0] - 0.5, image_size[1] - 0.5, -0.5)
     shown = ax.imshow(np.ma.masked_equal(cells, 0), extent=extent, cmap="Greens", vmin=0)
     ax.figure.colorbar(shown, ax=ax, label="corners in the cell", shrink=0.85)
-    ax.set(xlabel="x (px)", ylabel="y (px)", title="coverage (white: no corner)")
+    ax.set(xlabel="x (px)", ylabel="y (px)", title="Few corners near the edges (white: none)")
     return shown

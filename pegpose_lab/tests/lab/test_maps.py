@@ -58,3 +58,12 @@ def test_a_logarithmic_map_shows_three_decades_at_most(maps):
         assert len(marks) > 1 and {f"{mark:e}"[0] for mark in marks} <= set("125")
     fig.draw_without_rendering()
     plt.close(fig)
+
+
+def test_a_map_with_a_centre_shows_it_in_the_middle_of_its_scale(maps):
+    fig, ax = figure(4.0, 3.0)
+    filled = plot_image_map(ax, maps[1][-1], center=1.0)
+    assert (filled.levels[0] + filled.levels[-1]) / 2 == pytest.approx(1.0)
+    assert filled.levels[0] <= maps[1][-1].values.min() and maps[1][-1].values.max() <= filled.levels[-1]
+    assert filled.get_cmap().name == "RdBu_r"
+    plt.close(fig)

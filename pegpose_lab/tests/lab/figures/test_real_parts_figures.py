@@ -41,3 +41,20 @@ def test_every_place_of_a_ring_has_its_circle_and_its_number_inside_the_panel():
     shown = [text.get_text() for text in fig.legends[0].get_texts()]
     assert shown == ["measured", "partial", "circles found without the ring"]  # no place is contradicted
     plotting.plt.close(fig)
+
+
+def test_pulls_stand_beside_the_aim():
+    fig, ax = plotting.figure(5, 2)
+    real_parts.plot_pulls(ax, pd.DataFrame({"dataset": ["a", "b"], "pull": [1.1, 1.4]}), (0.8, 1.3))
+    assert_allclose(ax.lines[-1].get_xdata(), [1.1, 1.4])
+    assert [text.get_text() for text in fig.legends[0].get_texts()][0] == "aim: 0.8 to 1.3"
+    fig.draw_without_rendering()
+    plotting.plt.close(fig)
+
+
+def test_places_without_a_disc_are_dashed():
+    fig, ax = plotting.figure(5, 5)
+    real_parts.plot_states(ax, [[10.0, 20.0], [40.0, 20.0]], [5.0, 6.0], ["measured", "missing"])
+    assert [patch.get_linestyle() for patch in ax.patches] == ["-", "--"]
+    assert [text.get_text() for text in ax.texts] == ["1 measured", "2 missing"]
+    plotting.plt.close(fig)
