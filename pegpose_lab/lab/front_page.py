@@ -101,11 +101,11 @@ def quality(folder: Path) -> list[list[str]]:
     clean, clutter, look = (circles.loc[(OURS, name)] for name in ("clean", "clutter", "default look"))
     hough = circles.loc[(REFERENCE, "clean")], circles.loc[(REFERENCE, "clutter")]
     return [
-        ["on renderings with a known truth", "ours", "beside it"],
+        ["on renderings with a known truth", "ours", "compared with"],
         ["peg centre: error over the physical limit, clean", f"{clean['center']:.2f}",
          f"{REFERENCE} {hough[0]['center']:.0f}"],
         ["the same with highlights and swarf", f"{clutter['center']:.2f}", f"{REFERENCE} {hough[1]['center']:.0f}"],
-        [f"time of it over {REFERENCE}", f"{clean['time_ratio']:.2f} to {clutter['time_ratio']:.2f}", "1"],
+        [f"its time, divided by that of {REFERENCE}", f"{clean['time_ratio']:.2f} to {clutter['time_ratio']:.2f}", "1"],
         ["pegs found, false circles per frame, swarf", f"{clutter['detection']:.0f} %, {clutter['false_positives']:g}",
          f"{hough[1]['detection']:.1f} %, {hough[1]['false_positives']:g}"],
         ["95 % intervals of discs that hold the truth, clean", f"{clean['coverage']:.1f} %", "95 %"],
