@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.patches import Circle
 
 from ..plotting import COLORS, SERIES, plot_circles, plot_image
+from ..style import WHOLE_PIXELS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,7 +34,7 @@ WAYS = {
     "one scale": (COLORS["paper"], 1.5),
     "stage 1": (COLORS["linear"], 1.5),
     "stages 1 + 2, whole pixels": ("#F2B48C", 4.0),
-    "joint, whole pixels": ("#7FCFB9", 1.6),
+    "joint, whole pixels": (WHOLE_PIXELS, 1.6),
     "joint, integer radii": ("#00543D", 1.5),
     "stages 1 + 2": (COLORS["genetic"], 4.6),
     "Zhang": (COLORS["zhang"], 3.0),

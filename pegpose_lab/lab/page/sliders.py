@@ -9,8 +9,7 @@ import numpy as np
 
 from ...study import load_measured
 from .. import results
-from ..figures.assembly import WAYS
-from ..style import COLORS, SERIES
+from ..style import COLORS, SERIES, WHOLE_PIXELS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -94,10 +93,12 @@ def _frames(pegs, trajectory):
     )
 
 
-CHAINS = {"one scale": "Table 2's scale"} | {
-    chain: chain for chain in ("stage 1", "stages 1 + 2", "joint, whole pixels", "Zhang", "joint")
-}
-"""Of the chains those shown, with their names in notebook 12; they have their colours there, too."""
+CHAINS = {
+    "one scale": ("Table 2's scale", COLORS["paper"]), "stage 1": ("stage 1", COLORS["linear"]),
+    "stages 1 + 2": ("stages 1 + 2", COLORS["genetic"]), "joint, whole pixels": ("joint, whole pixels", WHOLE_PIXELS),
+    "Zhang": ("Zhang", COLORS["zhang"]), "joint": ("joint", COLORS["joint"]),
+}  # fmt: skip
+"""Of the chains those shown, with their names and colours in notebook 12."""
 
 
 def _clearances(curves):
@@ -111,8 +112,8 @@ def _clearances(curves):
     states = []
     for clearance, shares in wide.iterrows():
         bars = [
-            [name, round(shares[chain], 4), f"{100 * shares[chain]:.1f} %", WAYS[chain][0]]
-            for chain, name in CHAINS.items()
+            [name, round(shares[chain], 4), f"{100 * shares[chain]:.1f} %", color]
+            for chain, (name, color) in CHAINS.items()
         ]
         states.append(
             {"bars": bars, "text": f"clearance {clearance:.2g} mm: insertions that go in freely, with an exact robot"}
@@ -204,7 +205,7 @@ def _blurs(table):
         states.append(
             {
                 "bars": bars,
-                "text": f"the hub moves by {row['blur']:.0f} px during the exposure (noise: {row['noise']:g} grey values)",
+                "text": f"the hub moves by {row['blur']:.0f} px during the exposure (noise in grey values: {row['noise']:g})",
             }
         )
     source = "data/measured/moving_hub.csv, by: python3 -m pegpose_lab measure moving_hub"
