@@ -14,6 +14,9 @@ COLORS = {
     "measured": "#56B4E9",
 }
 
+WHOLE_PIXELS = "#7FCFB9"
+"""The joint calibration with circles in whole pixels: a shade of its colour."""
+
 SERIES = ("#332288", "#CC6677", "#117733", "#AA9933", "#88CCEE", "#882255")
 """Colours of series that are not methods: views, tilts, pegs, readings (from Paul Tol's muted palette)."""
 

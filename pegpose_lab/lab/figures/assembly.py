@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.patches import Circle
 
+<<<<<<< HEAD
 from ..plotting import COLORS, SERIES, plot_image, plot_rims
+=======
+from ..plotting import COLORS, SERIES, plot_circles, plot_image
+from ..style import WHOLE_PIXELS
+>>>>>>> fix07
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,20 +38,27 @@ WAYS = {
     "one scale": (COLORS["paper"], 1.5),
     "stage 1": (COLORS["linear"], 1.5),
     "stages 1 + 2, whole pixels": ("#F2B48C", 4.0),
-    "joint, whole pixels": ("#7FCFB9", 1.6),
+    "joint, whole pixels": (WHOLE_PIXELS, 1.6),
     "joint, integer radii": ("#00543D", 1.5),
     "stages 1 + 2": (COLORS["genetic"], 4.6),
     "Zhang": (COLORS["zhang"], 3.0),
     "joint": (COLORS["joint"], 1.3),
 }
-"""Colour and line width of each way to the pose: a method's own colour where its circles are measured to a part of a pixel,
-a shade of it where they are not.  Ways that coincide have nested widths, so that each is seen."""
+"""Colour and line width of each chain: a method's own colour where its circles are measured to a part of a pixel,
+a shade of it where they are not.  Chains that coincide have nested widths, so that each is seen."""
 
-TOGETHER = {
-    "exact robot": {"joint": "Zhang,\njoint", "joint, whole pixels": "both\nwhole\npixels"},
-    "industrial robot": {"joint": "stages 1 + 2,\nZhang, joint", "joint, whole pixels": "both\nwhole\npixels"},
+LABELS = {
+    "one scale": "1",
+    "stage 1": "2",
+    "joint, whole pixels": "3, 4",
+    "joint, integer radii": "5",
+    "stages 1 + 2": "6",
+    "joint": "7, 8",
 }
-"""What stands beside a curve on which others lie, for each robot."""
+"""What stands beside a curve: the numbers of its row, and of those that coincide with it."""
+
+COINCIDE = {"exact robot": LABELS, "industrial robot": LABELS | {"stages 1 + 2": "", "joint": "6, 7, 8"}}
+"""The same for each robot."""
 
 
 def plot_located_hub(
@@ -94,14 +106,15 @@ def plot_clearances(axes: NDArray[np.object_], curves: pd.DataFrame, names: Mapp
             below.plot(needed, row, "o", color=color, markersize=7)
             text = f"{needed:.3f}" if needed < 0.1 else f"{needed:.2f}"
             below.annotate(text, (needed, row), (7, 0), va="center", textcoords="offset points", fontsize=9)
-            if chain in TOGETHER[cell]:
-                half = np.interp(0.5, curve["share"], curve["clearance"])
-                side, align = (-6, "right") if chain == "joint" else (6, "left")
-                above.annotate(TOGETHER[cell][chain], (half, 50), (side, 0), textcoords="offset points", fontsize=8,
-                               ha=align, va="center")  # fmt: skip
+            label = COINCIDE[cell].get(chain)
+            if label:
+                level = min(0.5, shown["share"].max())
+                place = np.interp(level, shown["share"], shown["clearance"]), 100 * level
+                side, align = (-5, "right") if chain == "joint" else (4, "left")
+                above.annotate(label, place, (side, 0), textcoords="offset points", fontsize=8, ha=align, va="center")
         above.set(xscale="log", title=cell, xlim=(7e-4, 6), ylim=(-2, 102))
         below.set_xticks([0.001, 0.01, 0.1, 1], ["0.001", "0.01", "0.1", "1"])
-        below.set_yticks(range(len(names)), names.values())
+        below.set_yticks(range(len(names)), [f"{name}  {row}" for row, name in enumerate(names.values(), 1)])
         below.set(xlabel="clearance (mm)", title="clearance for 99.9 %", ylim=(len(names) - 0.5, -0.5))
     axes[0, 0].set_ylabel("go in freely (%)")
 

@@ -45,6 +45,8 @@ class Shown:
     name : str
         Of its file, without the ending.
     alternative, caption : str
+    question : str
+        That the caption answers; empty for a figure that is not the picture of a notebook.
     notebook : str
         That makes it, without the ending.
     cell : int
@@ -59,6 +61,7 @@ class Shown:
     notebook: str
     cell: int
     tables: tuple[str, ...]
+    question: str = ""
 
     @property
     def source(self) -> str:
@@ -69,7 +72,7 @@ class Shown:
 
 
 def figures() -> list[Shown]:
-    """The paper's figures, then each notebook's picture with its question's answer as caption, and further ones.
+    """The paper's figures, then each notebook's picture with its question and answer as caption, and further ones.
 
     Examples
     --------
@@ -78,16 +81,21 @@ def figures() -> list[Shown]:
     ('fig01_assembly', '06_peg_pose')
     """
     listed = [entry for entry in entries() if entry.name != OWN]  # which is of the reader's images, not of the results
-    captions = CAPTIONS.copy()
+    captions, questions = CAPTIONS.copy(), {}
     for entry in listed:
-        captions.setdefault(entry.picture.rsplit("/", 1)[-1].removesuffix(".png"), _caption(entry))
+        picture = entry.picture.rsplit("/", 1)[-1].removesuffix(".png")
+        if captions.setdefault(picture, entry.answer) == entry.answer:
+            questions[picture] = _question(entry)
         captions |= {name: text for name, text in FURTHER.items() if name[:2] == entry.name[:2]}
     made = {shown["name"]: shown for entry in listed for shown in _made_in(entry.name)}
-    return [Shown(caption=caption, **made[name]) for name, caption in captions.items()]
+    return [
+        Shown(caption=caption, question=questions.get(name, ""), **made[name]) for name, caption in captions.items()
+    ]
 
 
-def _caption(entry: Entry) -> str:
-    return f"{entry.title}. {entry.answer}"
+def _question(entry: Entry) -> str:
+    end = "" if entry.title.endswith(("?", "!")) else "."
+    return f"{entry.title}{end} {entry.question}"
 
 
 def _made_in(notebook):

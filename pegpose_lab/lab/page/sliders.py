@@ -9,7 +9,7 @@ import numpy as np
 
 from ...study import load_measured
 from .. import results
-from ..style import COLORS
+from ..style import COLORS, SERIES, WHOLE_PIXELS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,7 +32,7 @@ class Slider:
     states : list of dict
         Of each: ``text``, and what the drawing needs (see ``page.js``).
     source : str
-        Notebook, and the file that it reads.
+        The notebook, and the files that its states are read from.
     start : int
         The state shown first.
     """
@@ -77,20 +77,28 @@ def _frames(pegs, trajectory):
         middle = four[["x_px", "y_px"]].mean().round(1).tolist()
         off = 1000 * np.hypot(row.dx_joint, row.dy_joint)
         scale = np.hypot(row.dx_scale, row.dy_scale)
-        text = f"frame {frame}: the calibrated camera is off by {off:.1f} µm, one scale for the image by {scale:.2f} mm"
-        line = [[*middle, circles[0][0], circles[0][1], COLORS["genetic"]]]
+        text = f"frame {frame}: error of the hub's centre {off:.1f} µm with the calibrated camera, "
+        text += f"{scale:.2f} mm with one scale"
+        text += " for the image" if frame > 1 else " (taught in this frame, so exact)"
+        line = [[*middle, circles[0][0], circles[0][1], SERIES[1]]]
         states.append({"width": width, "height": height, "circles": circles, "lines": line, "text": text})
-    source = "06_peg_pose; data/results/06_pegs.csv, 06_trajectory.csv"
+    source = "notebooks/06_peg_pose.ipynb; data/results/06_pegs.csv; data/results/06_trajectory.csv"
     return Slider(
-        "frames", "The hub through 45 frames: its pegs, and the line whose angle is θ", "circles", states, source
+        "frames",
+        "The hub in 45 frames: its pegs (drawn as circles), and the line whose angle is θ",
+        "circles",
+        states,
+        source,
+        len(states) // 2,
     )
 
 
 CHAINS = {
-    "one scale": ("one scale", "paper"), "stage 1": ("stage 1", "linear"), "stages 1 + 2": ("stages 1 + 2", "genetic"),
-    "joint, whole pixels": ("joint, whole pixels", "measured"), "Zhang": ("Zhang", "zhang"), "joint": ("joint", "joint"),
+    "one scale": ("Table 2's scale", COLORS["paper"]), "stage 1": ("stage 1", COLORS["linear"]),
+    "stages 1 + 2": ("stages 1 + 2", COLORS["genetic"]), "joint, whole pixels": ("joint, whole pixels", WHOLE_PIXELS),
+    "Zhang": ("Zhang", COLORS["zhang"]), "joint": ("joint", COLORS["joint"]),
 }  # fmt: skip
-"""Of the ways to the pose those shown, with their names and colours."""
+"""Of the chains those shown, with their names and colours in notebook 12."""
 
 
 def _clearances(curves):
@@ -104,16 +112,16 @@ def _clearances(curves):
     states = []
     for clearance, shares in wide.iterrows():
         bars = [
-            [name, round(shares[chain], 4), f"{100 * shares[chain]:.1f} %", COLORS[color]]
+            [name, round(shares[chain], 4), f"{100 * shares[chain]:.1f} %", color]
             for chain, (name, color) in CHAINS.items()
         ]
         states.append(
-            {"bars": bars, "text": f"clearance {clearance:.4f} mm: insertions that go in freely, with an exact robot"}
+            {"bars": bars, "text": f"clearance {clearance:.2g} mm: insertions that go in freely, with an exact robot"}
         )
-    source = "12_assembly; data/measured/chain_clearances.csv"
+    source = "notebooks/12_assembly.ipynb; data/measured/chain_clearances.csv"
     return Slider(
         "clearance",
-        "Will the wheel go on? Clearance against the way to the pose",
+        "Will the wheel go on? Share of insertions by clearance and chain (calibration, circles)",
         "bars",
         states,
         source,
@@ -131,7 +139,7 @@ def _tilts(sigmas):
         states.append(
             {"bars": bars, "text": f"boards tilted by {float(tilt):.0f}°: standard deviation of the focal length"}
         )
-    source = "09_uncertainty; data/results/09_sigma_over_tilt.csv"
+    source = "notebooks/09_uncertainty.ipynb; data/results/09_sigma_over_tilt.csv"
     return Slider("tilt", "How well is f known? Tilt and number of the boards", "bars", states, source)
 
 
@@ -150,9 +158,13 @@ def _noises(table):
         f_1, f_2 = row["linear f (mm)"], row["two-stage f (mm)"]
         text = f"corner noise {row['noise (px)']:g} px: f = {f_1:.2f} mm by stage 1, {f_2:.2f} mm by both"
         states.append({"bars": bars, "text": text})
-    source = "04_genetic_stage; data/results/04_over_noise.csv"
+    source = "notebooks/04_genetic_stage.ipynb; data/results/04_over_noise.csv"
     return Slider(
-        "noise", "The error of Eq. 7 is the corners' noise, once distortion is in the model", "bars", states, source
+        "noise",
+        "Mean distance between corners and their re-projections (Eq. 7): with distortion in the model it is the corners' noise",
+        "bars",
+        states,
+        source,
     )
 
 
@@ -170,10 +182,10 @@ def _backgrounds(table):
         states.append(
             {
                 "bars": bars,
-                "text": f"background {row['background']:.0f} (hub 62, pegs 165): pegs that are parts of their own",
+                "text": f"grey values: background {row['background']:.0f}, hub 62, pegs 165; pegs that are separate parts",
             }
         )
-    source = "01_segmentation; data/results/01_backgrounds.csv"
+    source = "notebooks/01_segmentation.ipynb; data/results/01_backgrounds.csv"
     return Slider(
         "background", "One threshold, or two: the background's brightness", "bars", states, source, len(states) // 3
     )
@@ -186,17 +198,17 @@ def _blurs(table):
     states = []
     for _, row in shifts.iterrows():
         bars = [
-            ["error of a centre", row["rms"] / largest, f"{row['rms']:.4f} px", COLORS["genetic"]],
-            ["stated sigma", row["sigma"] / largest, f"{row['sigma']:.4f} px", COLORS["joint"]],
+            ["error of a centre", row["rms"] / largest, f"{row['rms']:.3f} px", COLORS["truth"]],
+            ["stated sigma", row["sigma"] / largest, f"{row['sigma']:.3f} px", COLORS["joint"]],
             ["frames flagged", row["flagged"] / 100, f"{row['flagged']:.0f} %", COLORS["measured"]],
         ]
         states.append(
             {
                 "bars": bars,
-                "text": f"the hub moves by {row['blur']:.0f} px during the exposure (noise {row['noise']:g})",
+                "text": f"the hub moves by {row['blur']:.0f} px during the exposure (noise in grey values: {row['noise']:g})",
             }
         )
-    source = "data/measured/moving_hub.csv"
+    source = "data/measured/moving_hub.csv, by: python3 -m pegpose_lab measure moving_hub"
     return Slider("blur", "A moving hub: blur, error, and the flag", "bars", states, source)
 
 
@@ -207,11 +219,13 @@ def _servo(steps):
     for _, row in steps.iterrows():
         bars = []
         for name, column, unit, color in (
-            ("distance left", "off", "mm", "genetic"),
-            ("angle left", "off_turn", "deg", "zhang"),
+            ("distance left", "off", "mm", "truth"),
+            ("angle left", "off_turn", "deg", "truth"),
         ):
             share = (np.log10(max(row[column], 0.01)) - low) / (high - low)
-            bars.append([name, round(float(share), 4), f"{row[column]:.3f} {unit}", COLORS[color]])
+            bars.append([name, round(float(share), 4), f"{row[column]:.2g} {unit}", COLORS[color]])
         states.append({"bars": bars, "text": f"after {row['step']:.0f} motions (logarithmic scale)"})
-    source = "12_assembly; data/measured/servo_steps.csv"
-    return Slider("servo", "Closing the loop: a robot brings the hub to its place", "bars", states, source)
+    source = "notebooks/12_assembly.ipynb; data/measured/servo_steps.csv"
+    return Slider(
+        "servo", "A robot brings the hub to its place, with a new image after each motion", "bars", states, source
+    )

@@ -52,9 +52,9 @@ def insertion_explorer(experiment: Experiment) -> Explorer:
 
     def draw(picture, clearance, tilt, noise, repeatability):
         wheel = Wheel(n_holes=hub.n_pegs, clearance=10.0**clearance, chamfer=0.0)
-        askew = RigidTransform.from_rotation(Rotation.from_rotvec([np.deg2rad(tilt), 0, 0]))
+        tilted = RigidTransform.from_rotation(Rotation.from_rotvec([np.deg2rad(tilt), 0, 0]))
         forecast = assembly_forecast(
-            pose_at(noise), hub, wheel, robot_repeatability=repeatability, hub_from_wheel=askew
+            pose_at(noise), hub, wheel, robot_repeatability=repeatability, hub_from_wheel=tilted
         )
         _draw_bars(picture, forecast.probabilities)
         largest = max(forecast.shares, key=forecast.shares.get)
@@ -62,7 +62,7 @@ def insertion_explorer(experiment: Experiment) -> Explorer:
         return (
             f"clearance {wheel.clearance:.3f} mm: {100 * forecast.probabilities['free']:.1f} % go in freely; 99.9 % need "
             f"{forecast.free_clearance:.3f} mm;\npeg {forecast.limiting_peg} limits most often; {part:.0f} % of its variance "
-            f"are of: {largest}"
+            f"comes from: {largest}"
         )
 
     return Explorer(

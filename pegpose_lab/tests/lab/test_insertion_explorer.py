@@ -13,12 +13,12 @@ def free(explorer):
 def test_insertion_explorer_follows_its_sliders():
     explorer = insertion_explorer(paper_experiment())
     controls, first = explorer.controls, bytes(explorer.picture.value)
-    assert "are of: robot" in explorer.text
+    assert "comes from: robot" in explorer.text
     start = free(explorer)
     controls["clearance"].value = -2.0
     assert free(explorer) < start - 20 and bytes(explorer.picture.value) != first
     controls["repeatability"].value = 0.0
-    assert free(explorer) > 95 and "are of: calibration" in explorer.text
+    assert free(explorer) > 95 and "comes from: calibration" in explorer.text
     controls["noise"].value = 10.0
     assert free(explorer) < 60
     controls["clearance"].value, controls["noise"].value, controls["tilt"].value = -1.0, 2.0, 0.5

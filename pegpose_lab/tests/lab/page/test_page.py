@@ -27,7 +27,9 @@ def test_the_page_is_what_the_results_make(page):
 
 def test_the_page_needs_nothing_else(page):
     assert len(page.encode()) <= 5_000_000
-    assert not re.search(r'(src|href)="(?!data:|#)', page)
+    assert not re.search(r'src="(?!data:)', page)
+    links = re.findall(r'href="(?!#)([^"]+)"', page)
+    assert len(links) > 20 and all((PROJECT_FOLDER / "figures" / link).is_file() for link in links)
     without_namespace = page.replace("http://www.w3.org/2000/svg", "")
     for text in ("http://", "https://", "fetch(", "import(", "@import", "url("):
         assert text not in without_namespace
@@ -40,6 +42,12 @@ def test_every_printed_number_is_in_the_page(page):
     claims = results.read_csv(RESULTS / "claims.csv", as_text=True)
     table = page[page.index('id="claims"') :]
     assert table.count("<tr>") == len(claims) + 1
+    assert set(re.findall("<dt>(.+?)</dt>", table)) == set(claims["verdict"])
+
+
+def test_a_narrow_screen_has_the_name_of_each_column(page):
+    cells = re.findall(r"<td[^>]*>", page)
+    assert cells and all('data-column="' in cell for cell in cells)
 
 
 def test_figures_are_there_and_have_words():
@@ -78,7 +86,7 @@ def test_the_clearance_slider_says_what_the_table_says():
     (slider,) = [one for one in sliders(RESULTS) if one.name == "clearance"]
     curves = load_measured("chain_clearances").query("cell == 'exact robot' and chain == 'joint'").iloc[:-1]
     for state, clearance, share in zip(slider.states, curves["clearance"], curves["share"], strict=True):
-        assert f"{clearance:.4f} mm" in state["text"]
+        assert f"{clearance:.2g} mm" in state["text"]
         assert [bar[1] for bar in state["bars"] if bar[0] == "joint"] == [pytest.approx(share)]
 
 
