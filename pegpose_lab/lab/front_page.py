@@ -128,7 +128,6 @@ def quality(folder: Path) -> list[list[str]]:
     (best, at_best), (best_swarf, at_swarf) = (_best_other(circles, scene) for scene in ("clean", "clutter"))
     hough, hough_swarf = (circles.loc[(REFERENCE, scene)] for scene in ("clean", "clutter"))
     return [
-<<<<<<< HEAD
         [f"on renderings with a known truth; circles with noise of {TARGET_NOISE} grey values", "ours", "for comparison"],
         ["robust error of peg centres over the limit set by noise and blur, even ground", f"{clean['center']:.2f}",
          f"best other tool, {best}: {at_best['center']:.2f}; {REFERENCE}: {hough['center']:.0f}"],
@@ -143,21 +142,6 @@ def quality(folder: Path) -> list[list[str]]:
          f"{intervals.min():.1f} to {intervals.max():.1f} %", "95 %"],
         ["rms error of peg centres after the whole chain, joint calibration", f"{chain['joint']:.4f} mm",
          f"the paper's two stages: {chain['stages 1 + 2']:.4f} mm"],
-=======
-        ["on renderings with a known truth", "ours", "compared with"],
-        ["peg centre: error over the physical limit, clean", f"{clean['center']:.2f}",
-         f"{REFERENCE} {hough[0]['center']:.0f}"],
-        ["the same with highlights and swarf", f"{clutter['center']:.2f}", f"{REFERENCE} {hough[1]['center']:.0f}"],
-        [f"its time, divided by that of {REFERENCE}", f"{clean['time_ratio']:.2f} to {clutter['time_ratio']:.2f}", "1"],
-        ["pegs found, false circles per frame, swarf", f"{clutter['detection']:.0f} %, {clutter['false_positives']:g}",
-         f"{hough[1]['detection']:.1f} %, {hough[1]['false_positives']:g}"],
-        ["95 % intervals of discs that hold the truth, clean", f"{clean['coverage']:.1f} %", "95 %"],
-        ["the same with side walls and turning marks", f"{look['coverage']:.1f} %", "95 %"],
-        ["95 % intervals of the camera that hold the truth", f"{intervals.min():.1f} to {intervals.max():.1f} %",
-         "95 %"],
-        ["peg centres of the whole chain, rms: joint calibration", f"{chain['joint']:.4f} mm",
-         f"two stages {chain['stages 1 + 2']:.4f} mm"],
->>>>>>> fix07
     ]  # fmt: skip
 
 

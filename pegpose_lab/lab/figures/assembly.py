@@ -7,12 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.patches import Circle
 
-<<<<<<< HEAD
 from ..plotting import COLORS, SERIES, plot_image, plot_rims
-=======
-from ..plotting import COLORS, SERIES, plot_circles, plot_image
 from ..style import WHOLE_PIXELS
->>>>>>> fix07
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
