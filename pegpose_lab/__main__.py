@@ -206,11 +206,12 @@ def _run(options):
     folder = options.folder
     if folder is None:
         folder = Path.cwd() / "pegpose_sample"
-        print(f"Rendering sample images into {folder}.", flush=True)
-        write_sample(folder)
+        if not (folder / "pegpose.yaml").exists():  # which may have been changed
+            print(f"Rendering sample images into {folder}.", flush=True)
+            write_sample(folder)
     try:
         found = run_folder(folder, output=options.output)
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         print(error, file=sys.stderr)
         return 1
     print(found.summary())

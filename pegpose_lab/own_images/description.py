@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..checks import as_number
-from .measures import board_of, in_one_unit, part_of, radii_of, ring_of, wheel_of
-from .reading import UNREAD
+from .measures import board_of, in_one_unit, names_of, part_of, radii_of, ring_of, wheel_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
     from ..targets import Checkerboard, Hub
 
 FILE = "pegpose.yaml"
-ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm", ".webp")
+TEXTS = (".txt", ".md", ".csv", ".json", ".yaml", ".yml", ".html", ".xml", ".log", ".ini", ".db")
 EXAMPLE = """board: {columns: 8, rows: 6, square: 29.0}   # inner corners along a row and a column; mm
 part: {n_pegs: 4, pitch_circle_diameter: 97.05, peg_radius: 10.1}   # mm; or ring: {n: 4, pitch_radius: 48.5, disc_radius: 10.1}
 boards: boards/*   # images of the board, in a folder of their own; and frames: frames/*, images of the part
@@ -55,6 +54,8 @@ class Description:
         That is to go on the part; what is not given fits the part.
     robot_repeatability : float
         Of the robot that places the wheel, mm (RP of ISO 9283).
+    text : str
+        As it is written in its file.
 
     Examples
     --------
@@ -74,6 +75,7 @@ class Description:
     plane: str | None = None
     wheel: Wheel | None = None
     robot_repeatability: float = 0.0
+    text: str = ""
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Description:
@@ -91,12 +93,30 @@ class Description:
         """
         if not isinstance(values, dict) or not ("board" in values or "camera" in values):
             raise ValueError(f"it does not describe a board; expected lines such as\n{EXAMPLE}")
-        known = {field.name for field in fields(cls)} | {"ring"}
-        unknown = sorted(set(values) - known)
+        known = {field.name for field in fields(cls)} - {"text"} | {"ring"}
+        unknown = sorted(map(str, set(values) - known))
         if unknown:
             raise ValueError(f"{unknown[0]} is unknown; expected some of {', '.join(sorted(known))}")
         if "part" in values and "ring" in values:
             raise ValueError("it has both part and ring; expected one of them")
+        empty = [
+            name
+            for name in ("board", "part", "ring", "wheel", "boards", "frames")
+            if name in values and values[name] is None
+        ]
+        if empty:
+            raise ValueError(f"{empty[0]} is empty: leave it out, or say what it is")
+        for name in ("boards", "frames", "lens", "camera", "plane"):
+            if name in values and not isinstance(values[name], str):
+                raise ValueError(f"{name} is {values[name]!r}; expected a text")
+        for name, other in (("plane", "camera"), ("coefficients", "equidistant"), ("robot_repeatability", "no wheel")):
+            without = {
+                "camera": "camera" in values,
+                "equidistant": values.get("lens") == "equidistant",
+                "no wheel": "wheel" not in values,
+            }
+            if name in values and without[other]:
+                raise ValueError(f"{name} has no meaning with {other}: leave it out")
         made = dict(values)
         made["board"] = board_of(values["board"]) if "board" in values else None
         for name, make in (("part", part_of), ("ring", ring_of)):
@@ -107,17 +127,17 @@ class Description:
         if values.get("radius_range") is not None:
             made["radius_range"] = radii_of(values["radius_range"])
         if values.get("coefficients") is not None:
-            made["coefficients"] = tuple(values["coefficients"])
+            made["coefficients"] = names_of(values["coefficients"])
         as_number(values.get("robot_repeatability", 0.0), "robot_repeatability", 0)
         in_one_unit(made["board"], made.get("part"))
         return cls(**made)
 
     def paths(self, folder: Path, pattern: str) -> list[Path]:
-        """The images that match a pattern, in order of their names: of kinds that are read, and of those that are known not
-        to be."""
-        return sorted(
-            path for path in folder.glob(pattern) if path.suffix.lower() in ENDINGS + UNREAD and path.is_file()
-        )
+        """The files that match a pattern, in order of their names, without hidden ones and texts."""
+        if Path(pattern).is_absolute():
+            folder, pattern = Path(Path(pattern).anchor), str(Path(pattern).relative_to(Path(pattern).anchor))
+        found = (path for path in folder.glob(pattern) if path.is_file())
+        return sorted(path for path in found if path.suffix.lower() not in TEXTS and not path.name.startswith("."))
 
 
 def read_description(folder: str | PathLike[str]) -> Description:
@@ -144,7 +164,8 @@ def read_description(folder: str | PathLike[str]) -> Description:
     if not path.is_file():
         raise ValueError(f"{path} is missing; write one with lines such as\n{EXAMPLE}")
     try:
-        return Description.of(yaml.safe_load(path.read_text(encoding="utf-8-sig", errors="replace")))
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
+        return replace(Description.of(yaml.safe_load(text)), text=text)
     except yaml.YAMLError as error:
         raise ValueError(f"{path} is no YAML: {error}") from error
     except ValueError as error:

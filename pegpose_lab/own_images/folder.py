@@ -11,7 +11,7 @@ from ..camera import Sensor
 from ..checks import CalibrationError
 from .boards import find_boards
 from .description import read_description
-from .frames import track_frames
+from .frames import Frame, track_frames
 from .writing import write_results
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from .boards import BoardImage
     from .description import Description
-    from .frames import Frame
 
 OUTPUT = "pegpose"
 """Folder, in that of the images, in which everything is written."""
@@ -118,20 +117,21 @@ def run_folder(
         )
     kept = target / "kept"
     kept.mkdir(parents=True, exist_ok=True)
+    _check_plane(described, board_paths)
     boards = []
-    if described.board is not None:
+    if described.camera is None:
         boards = find_boards(board_paths, described.board, kept, workers=workers, progress=progress)
     if described.camera is None:
         calibration, why_not = _calibrated(boards, described)
     else:
-        calibration, why_not = Calibration.load(folder / described.camera), ""
-    frames = []
+        calibration, why_not = _given(folder / described.camera), ""
+    frames = [Frame(path, "not looked at: no part is described") for path in frame_paths]
     if described.part is not None:
         frames = track_frames(
             frame_paths,
             described,
             calibration,
-            plane_view=_plane_view(described, boards) if calibration and described.camera is None else None,
+            plane_view=_plane_view(described, boards) if calibration else None,
             progress=progress,
         )
     files = write_results(target, described, boards, calibration, why_not, frames)
@@ -154,13 +154,32 @@ def _calibrated(boards: list[BoardImage], described: Description):
     return found, ""
 
 
+def _given(path):
+    """The calibration of a file; ValueError if there is none."""
+    try:
+        return Calibration.load(path)
+    except OSError as error:
+        raise ValueError(f"camera: {path} cannot be read ({error.strerror or error})") from error
+
+
+def _check_plane(described, paths):
+    """ValueError, before anything is searched, if the image of the plane is not there."""
+    names = [path.name for path in paths]
+    if described.plane not in (None, LAST, *names):
+        raise ValueError(
+            f"plane is {described.plane!r}; expected 'last' or one of the images: {', '.join(names) or 'none'}"
+        )
+
+
 def _plane_view(described, boards):
-    """Number of the used view in the plane of the part; ValueError if the file names none of them."""
+    """Number, among the used views, of the one in the plane of the part; ValueError if it cannot be used."""
     if described.plane is None:
         return None
-    names = [one.path.name for one in boards if one.used]
-    if described.plane == LAST:
-        return len(names) - 1
-    if described.plane not in names:
-        raise ValueError(f"plane is {described.plane!r}; expected 'last' or one of the used images: {', '.join(names)}")
-    return names.index(described.plane)
+    name = boards[-1].path.name if described.plane == LAST else described.plane
+    used = [one.path.name for one in boards if one.used]
+    if name not in used:
+        fate = next(one.fate for one in boards if one.path.name == name)
+        raise ValueError(
+            f"plane: {name} cannot be used ({fate}): take another image with the board in the plane of the part"
+        )
+    return used.index(name)

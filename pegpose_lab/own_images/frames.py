@@ -11,6 +11,7 @@ from ..checks import CalibrationError
 from ..insertion import assembly_forecast
 from ..pegs import track_pegs
 from ..pose import estimate_pose
+from ..targets import Hub
 from .reading import read_picture
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from .description import Description
 
 
-DOUBTFUL = ("misfit-pegs", "ring-misfit", "weak-ring", "labels-undecided")
+DOUBTFUL = ("misfit-pegs", "ring-misfit", "rival-ring", "weak-ring", "labels-undecided")
 """Flags with which a pose is no pose to drive a robot by."""
 
 
@@ -83,7 +84,8 @@ def _judged(path, picture, seen, described, calibration, plane_view):
     """The frame with its pose and forecast, as far as they go."""
     notes = "".join(f" ({note})" for note in picture.notes)
     if not seen:
-        return Frame(path, f"not found{notes}: {seen.reason}")
+        hint = "; a part without a bore and two screws is described by ring" if isinstance(described.part, Hub) else ""
+        return Frame(path, f"not found{notes}: {seen.reason}{hint}")
     fate = f"{seen.states.count('measured')} of {len(seen.states)} discs measured{notes}"
     fate = "; ".join([fate, *map(str, seen.flags)])
     if calibration is None:
@@ -100,7 +102,7 @@ def _judged(path, picture, seen, described, calibration, plane_view):
     fate = "; ".join([fate, *map(str, pose.flags)])
     frame = Frame(path, fate, seen, replace(pose, flags=(*seen.flags, *pose.flags)))
     if frame.doubtful:
-        return replace(frame, fate=f"{fate}; so the pose is doubtful")
+        return replace(frame, fate=f"{fate.rstrip('.')}; the pose is doubtful")
     if described.wheel is None:
         return frame
     repeatability = described.robot_repeatability

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 NEEDED = {
     Checkerboard: ("columns", "rows", "square"),
     Hub: ("n_pegs", "pitch_circle_diameter", "peg_radius"),
-    RingPattern: (),
+    RingPattern: ("disc_radius",),
     Wheel: ("clearance",),
 }
 """Measures that must be given: a value that fits the paper's hub would be wrong for another part."""
@@ -29,6 +29,7 @@ SHOWN = {
     RingPattern: "{n: 4, pitch_radius: 48.5, disc_radius: 10.1}",
     Wheel: "{clearance: 0.1}",
 }
+LEAST = 0.2  # mm, of a square and of a part: what is smaller was given in metres
 UNITS = 100.0  # ratio of part and board beyond which one of them must be in another unit
 
 
@@ -43,7 +44,16 @@ def part_of(values: Any) -> Hub:
 
 
 def ring_of(values: Any) -> RingPattern:
-    """A ring of discs; ValueError as `board_of`."""
+    """A ring of discs; ValueError as `board_of`, and if angles are in degrees."""
+    angles = values.get("angles") if isinstance(values, dict) else None
+    if isinstance(angles, (list, tuple)) and any(
+        isinstance(one, (int, float)) and abs(one) > 2 * np.pi + 0.01 for one in angles
+    ):
+        raise ValueError(f"ring: angles are in radians, and {max(angles, key=abs):g} is more than a turn")
+    if isinstance(values, dict) and values.get("centers") is None and values.get("pitch_radius") is None:
+        raise ValueError(
+            f"ring lacks pitch_radius (with n or angles) or centers; expected its measures, such as {SHOWN[RingPattern]}"
+        )
     return _made(RingPattern, values, "ring")
 
 
@@ -54,7 +64,17 @@ def wheel_of(values: Any, part: Hub | RingPattern | None) -> Wheel:
             f"wheel needs a part with equally spaced pegs, such as part: {SHOWN[Hub]}; a ring has no forecast"
         )
     fits = {"n_holes": part.n_pegs, "pitch_circle_diameter": part.pitch_circle_diameter}
-    return _made(Wheel, fits | values if isinstance(values, dict) else values, "wheel")
+    wheel = _made(Wheel, fits | values if isinstance(values, dict) else values, "wheel")
+    if wheel.n_holes != part.n_pegs:
+        raise ValueError(f"wheel has {wheel.n_holes} holes and the part {part.n_pegs} pegs")
+    return wheel
+
+
+def names_of(values: Any) -> tuple[str, ...]:
+    """Names of the lens's coefficients."""
+    if not isinstance(values, (list, tuple)) or not all(isinstance(one, str) for one in values):
+        raise ValueError(f"coefficients is {values!r}; expected names, such as [k1, k2, p1, p2]")
+    return tuple(values)
 
 
 def radii_of(pair: Any) -> tuple[float, float]:
@@ -67,10 +87,16 @@ def radii_of(pair: Any) -> tuple[float, float]:
 
 def in_one_unit(board: Checkerboard | None, part: Hub | RingPattern | None) -> None:
     """ValueError if part and board differ so much in size that one of them is in another unit."""
-    if board is None or part is None:
+    if board is not None and board.square < LEAST:
+        raise ValueError(f"board: a square of {board.square:g} mm is too small to be seen: give its side in mm")
+    if part is None:
+        return
+    across = part.pitch_circle_diameter if isinstance(part, Hub) else 2 * np.hypot(*part.places.T).max()
+    if across < LEAST:
+        raise ValueError(f"the part is {across:g} mm across, too small to be seen: give its measures in mm")
+    if board is None:
         return
     wide = np.hypot(board.columns, board.rows) * board.square
-    across = part.pitch_circle_diameter if isinstance(part, Hub) else 2 * np.hypot(*part.places.T).max()
     if not 1 / UNITS < across / wide < UNITS:
         raise ValueError(
             f"the part is {across:g} across and the board {wide:g}: give both in mm, for poses are in the board's unit"

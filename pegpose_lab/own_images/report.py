@@ -31,7 +31,7 @@ body { font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 64rem
 h1, h2 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid #ddd; }
 table { border-collapse: collapse; display: block; overflow-x: auto; }
 td, th { padding: .25rem .75rem .25rem 0; text-align: left; }
-th { border-bottom: 1px solid #999; } td.number { text-align: right; font-variant-numeric: tabular-nums; }
+th { border-bottom: 1px solid #999; } td.number { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
 .images { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: 1rem; }
 figure { margin: 0; break-inside: avoid; } figure img { width: 100%; height: auto; }
 figcaption { font-size: .85rem; color: #444; }
@@ -58,10 +58,12 @@ def as_html(
         "<h2>Camera</h2>",
         _camera(calibration, why_not),
         "<h2>Images of the board</h2>",
-        _table(["image", "view", "what became of it"], _board_rows(boards)) if boards else "<p>There are none.</p>",
+        _table(["image", "view (as flags count)", "what became of it"], _board_rows(boards))
+        if boards
+        else "<p>There are none.</p>",
     ]
     if used:
-        parts += [_coverage(boards), _gallery([_board_thumbnail(one) for one in used][:MOST_SHOWN])]
+        parts += [_coverage(boards), _gallery([_board_thumbnail(one) for one in used[:MOST_SHOWN]]), _first(used)]
     if frames:
         seen = [one for one in frames if one.observation is not None]
         parts += [
@@ -71,16 +73,20 @@ def as_html(
             "<h2>Frames of the part</h2>",
         ]
         parts.append(_table(["image", "what became of it"], [(one.path.name, one.fate) for one in frames]))
-        parts.append(_gallery([_frame_thumbnail(one) for one in seen][:MOST_SHOWN]))
+        parts += [_gallery([_frame_thumbnail(one) for one in seen[:MOST_SHOWN]]), _first(seen)]
     return "\n".join([*parts, "</body></html>\n"])
 
 
+def _first(images):
+    """A line if not all of them are shown."""
+    return f"<p>The first {MOST_SHOWN} of {len(images)} are shown.</p>" if len(images) > MOST_SHOWN else ""
+
+
 def _described(described):
-    """The description as it was understood, so that a wrong measure is seen."""
-    names = ("board", "part", "wheel", "robot_repeatability", "camera", "lens", "plane")
-    values = [(name, getattr(described, name)) for name in names]
-    rows = [(name.replace("_", " "), value) for name, value in values if value is not None]
-    return f"<details><summary>What was described (lengths in mm)</summary>{_table(['', ''], rows)}</details>"
+    """The description as it was written, so that a wrong measure is seen."""
+    if not described.text:
+        return ""
+    return f"<details open><summary>What was described (lengths in mm)</summary><pre>{_text(described.text)}</pre></details>"
 
 
 def _board_rows(boards):
@@ -94,13 +100,16 @@ def _board_rows(boards):
 
 def _summary(boards, calibration, why_not, frames):
     used, posed = sum(one.used for one in boards), sum(one.pose is not None for one in frames)
-    camera = f"not calibrated: {_text(why_not)}"
-    if calibration:
-        camera = f"rms {calibration.rms:.3f} px" if calibration.residuals else "the camera is given"
     doubtful = sum(one.doubtful for one in frames)
-    doubt = f" ({doubtful} of these doubtful)" if doubtful else ""
-    told = f"; the pose of the part is known in {posed} of {len(frames)} frames{doubt}" if frames else ""
-    return f"<p>{used} of {len(boards)} images of the board are used ({camera}){told}.{_focal_length(calibration)}</p>"
+    doubt = f", {doubtful} of them doubtful" if doubtful else ""
+    told = f" A pose of the part was estimated in {posed} of {len(frames)} frames{doubt}." if frames else ""
+    if calibration is None:
+        camera = f"The camera is not calibrated: {_text(why_not)}."
+    elif not boards:
+        camera = "The camera is given; its uncertainty is not in the ± of the poses."
+    else:
+        camera = f"{used} of {len(boards)} images of the board are used, rms {calibration.rms:.3f} px."
+    return f"<p>{camera}{_focal_length(calibration)}{told}</p>"
 
 
 def _focal_length(calibration):
@@ -157,8 +166,9 @@ def parameter_table(calibration: Calibration) -> pd.DataFrame:
             digits = max(0, 1 - int(np.floor(np.log10((high - low) / 4)))) if high > low else 6  # two of the sigma
             texts = [f"{value:.{digits}f}", f"{low:.{digits}f} to {high:.{digits}f}"]
         else:
-            tied = name == "f_y" and value == values.get("f_x")
-            texts = [f"{value:.6g}", "as f_x: square pixels" if tied else "not estimated"]
+            tied = name == "f_y" and value == values.get("f_x") and calibration.covariance is not None
+            fixed = "given" if calibration.covariance is None else "not estimated"
+            texts = [f"{value:.6g}", "as f_x: square pixels" if tied else fixed]
         rows.append([name, *texts, UNITS.get(name, "")])
     return pd.DataFrame(rows, columns=["parameter", "value", "95 % interval", "unit"])
 
@@ -221,22 +231,23 @@ def _poses(frames):
     for frame in frames:
         if (pose := frame.pose) is None:
             continue
-        sigmas = np.sqrt(np.diag(pose.covariance)) if pose.covariance is not None else np.full(6, np.nan)
-        place = [
-            f"{value:.3f} ± {sigma:.3f}" for value, sigma in zip(pose.cam_from_hub.translation, sigmas, strict=False)
-        ]
-        turn = f"{np.degrees(pose.theta):.3f} ± {np.degrees(sigmas[5]):.3f}"
+        values = [*pose.cam_from_hub.translation, np.degrees(pose.theta)]
+        sigmas = np.sqrt(np.diag(pose.covariance))[[0, 1, 2, 5]] if pose.covariance is not None else np.full(4, np.nan)
+        sigmas[3] = np.degrees(sigmas[3])
+        stated = [f"{value:.3f} ± {sigma:.3f}" for value, sigma in zip(values, sigmas, strict=True)]
+        if frame.doubtful:  # whose sigmas do not hold
+            stated = [f"{value:.3f}" for value in values]
         codes = " ".join(flag.code for flag in pose.flags)
-        rows.append([frame.path.name, *place, turn, f"{pose.rms:.3f}", codes])
+        rows.append([frame.path.name, "doubtful" if frame.doubtful else "good", *stated, f"{pose.rms:.3f}", codes])
     if not rows:
         return "<p>No frame has a pose.</p>"
-    header = ["frame", "x (mm)", "y (mm)", "z (mm)", "theta (deg)", "rms (px)", "flags"]
+    header = ["frame", "pose", "x (mm)", "y (mm)", "z (mm)", "theta (deg)", "rms (px)", "flags"]
     text = (
         "Place of the part's middle from the camera: x to the right in the image, y down, z away from the camera; theta is the "
-        "turn of peg 1 about z. ± is one standard deviation. A pose with the flag misfit-pegs, ring-misfit, weak-ring or "
-        "labels-undecided is doubtful: look at its image, and at the measures of the part."
+        "turn of peg 1 about z. ± is one standard deviation. A doubtful pose has a flag that says why: look at its "
+        "image, and at the measures of the part."
     )
-    return f"<p>{text}</p>" + _table(header, rows, range(1, 6))
+    return f"<p>{text}</p>" + _table(header, rows, range(2, 7))
 
 
 def _forecasts(described, frames):

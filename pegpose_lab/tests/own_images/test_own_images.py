@@ -91,7 +91,10 @@ def test_a_second_run_takes_the_corners_of_the_first(sample, monkeypatch):
     kept = next((sample / "pegpose" / "kept").iterdir())
     kept.write_text("{")  # damaged: only this one is searched again
     monkeypatch.setattr(board_images, "_searched", lambda path, board: board_images.BoardImage(path, "searched"))
+    text = (sample / "pegpose.yaml").read_text()
+    (sample / "pegpose.yaml").write_text(text.replace("plane: last", ""))  # the damaged one may be that of the plane
     assert sum(one.fate == "searched" for one in run_folder(sample, workers=1, progress=False).boards) == 1
+    (sample / "pegpose.yaml").write_text(text)
 
 
 # ---- images of every kind ----
@@ -195,7 +198,7 @@ BOARD_AND_PART = (
         ("board: {columns: 8, rows: 6, square: 29}\npart: {n_pegs: 4, peg_radius: 9}\n", "part lacks pitch_circle"),
         (
             "board: {columns: 8, rows: 6, square: 29}\nring: {n: 4, pitch_radius: 0.05, disc_radius: 0.01}\n",
-            "both in mm",
+            "give its measures in mm",
         ),
         ("board: {columns: 8, rows: 6, square: 29}\npart: {centers: [[0, 0]]}\n", "a key that is not known, centers"),
         (
@@ -263,7 +266,7 @@ def test_a_wrong_part_gives_doubtful_poses_that_are_not_passed_on(run, sample, t
     assert "pose.yaml" not in {path.name for path in found.files}
     table = pl.read_pose_table(tmp_path / "pegpose" / "poses.csv")
     assert table["flags"].str.contains("misfit").sum() == len(posed) and table["image"][0] == "frame-01.png"
-    assert "of these doubtful" in (tmp_path / "pegpose" / "report.html").read_text(encoding="utf-8")
+    assert "of them doubtful" in (tmp_path / "pegpose" / "report.html").read_text(encoding="utf-8")
 
 
 def test_what_an_earlier_run_wrote_does_not_stay(sample, tmp_path):
@@ -273,7 +276,7 @@ def test_what_an_earlier_run_wrote_does_not_stay(sample, tmp_path):
     first = {path.name for path in run_folder(tmp_path, workers=1, progress=False).files}
     (tmp_path / "pegpose.yaml").write_text("board: {columns: 8, rows: 6, square: 29.0}\n")
     second = {path.name for path in run_folder(tmp_path, workers=1, progress=False).files}
-    assert {"pose.yaml", "poses.csv", "discs.csv", "forecasts.csv"} <= first - second
+    assert {"pose.yaml", "discs.csv", "forecasts.csv"} <= first - second
     assert {path.name for path in (tmp_path / "pegpose").iterdir()} == second | {"kept"}
 
 
@@ -290,3 +293,57 @@ def test_rings_are_described_too():
         {"board": {"columns": 8, "rows": 6, "square": 25.0}, "ring": {"n": 5, "pitch_radius": 40.0, "disc_radius": 6.0}}
     )
     assert isinstance(ring.part, pl.RingPattern) and ring.part.n_places == 5
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("board: {columns: 8, rows: 6, square: 0.029}\n", "give its side in mm"),
+        ("camera: a.yaml\nring: {n: 4, pitch_radius: 0.05, disc_radius: 0.01}\n", "give its measures in mm"),
+        ("camera: a.yaml\nring: {angles: [0, 90, 180, 270], pitch_radius: 50, disc_radius: 9}\n", "radians"),
+        ("camera: a.yaml\nring: {n: 4, pitch_radius: 50}\n", "ring lacks disc_radius"),
+        ("board: {columns: 8, rows: 6, square: 29}\nring: {n: 4, pitch_radius: 0.5, disc_radius: 0.1}\n", "both in mm"),
+        ("camera: a.yaml\nring: {n: 4, disc_radius: 9}\n", "ring lacks pitch_radius"),
+        ("camera: a.yaml\nplane: last\n", "plane has no meaning with camera"),
+        (BOARD_AND_PART + "lens: equidistant\ncoefficients: [k1, k2]\n", "coefficients has no meaning"),
+        (BOARD_AND_PART + "robot_repeatability: 0.1\n", "robot_repeatability has no meaning"),
+        (BOARD_AND_PART + "wheel: {n_holes: 5, clearance: 0.1}\n", "5 holes"),
+        (BOARD_AND_PART + "boards: [a, b]\n", "expected a text"),
+        (BOARD_AND_PART + "coefficients: 4\n", "expected names"),
+        (BOARD_AND_PART + "1: 3\nfoo: 2\n", "is unknown"),
+        (BOARD_AND_PART + "frames:\n", "frames is empty"),
+    ],
+)
+def test_what_has_no_meaning_is_said(tmp_path, text, reason):
+    (tmp_path / "pegpose.yaml").write_text(text)
+    with pytest.raises(ValueError, match=reason):
+        read_description(tmp_path)
+
+
+def test_the_last_image_must_show_the_board_if_it_tells_the_plane(sample, tmp_path):
+    (tmp_path / "frames").symlink_to(sample / "frames")
+    (tmp_path / "boards").mkdir()
+    for path in (sample / "boards").iterdir():
+        (tmp_path / "boards" / path.name).write_bytes(path.read_bytes())
+    cv2.imwrite(str(tmp_path / "boards" / "last.png"), np.full((1200, 1600), 90, np.uint8))
+    (tmp_path / "pegpose.yaml").write_text((sample / "pegpose.yaml").read_text())
+    with pytest.raises(ValueError, match=r"plane: last.png cannot be used \(no board"):
+        run_folder(tmp_path, workers=1, progress=False)
+
+
+def test_boards_lie_anywhere_and_frames_without_a_part_are_told(sample, tmp_path):
+    (tmp_path / "frames").symlink_to(sample / "frames")
+    text = f"board: {{columns: 8, rows: 6, square: 29.0}}\nboards: {sample}/boards/*.png\n"
+    (tmp_path / "pegpose.yaml").write_text(text)
+    found = run_folder(tmp_path, workers=1, progress=False)
+    assert sum(one.used for one in found.boards) == 5
+    assert {one.fate for one in found.frames} == {"not looked at: no part is described"}
+
+
+def test_a_missing_calibration_is_named(sample, tmp_path):
+    (tmp_path / "frames").symlink_to(sample / "frames")
+    (tmp_path / "pegpose.yaml").write_text(
+        "camera: nowhere.yaml\nring: {n: 4, pitch_radius: 48.5, disc_radius: 10.1}\n"
+    )
+    with pytest.raises(ValueError, match=r"camera: .*nowhere.yaml cannot be read"):
+        run_folder(tmp_path, progress=False)
