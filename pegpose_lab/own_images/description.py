@@ -59,7 +59,8 @@ class Description:
 
     Examples
     --------
-    >>> Description(Checkerboard(8, 6, 29.0)).boards
+    >>> import pegpose_lab as pl
+    >>> Description(pl.Checkerboard(8, 6, 29.0)).boards
     'boards/*'
     """
 

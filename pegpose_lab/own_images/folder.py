@@ -104,7 +104,7 @@ def run_folder(
     >>> with tempfile.TemporaryDirectory() as name:
     ...     run = run_folder(write_sample(name), workers=1, progress=False)
     >>> run.frames[0].fate, [path.name for path in run.files][-4:]
-    ('4 of 4 discs measured', ['poses.csv', 'pose.yaml', 'forecasts.csv', 'report.html'])
+    ('4 of 4 discs measured', ['poses.csv', 'forecasts.csv', 'pose.yaml', 'report.html'])
     """
     folder = Path(folder)
     described = read_description(folder)

@@ -153,11 +153,12 @@ def parameter_table(calibration: Calibration) -> pd.DataFrame:
     Examples
     --------
     >>> import pegpose_lab as pl
-    >>> views = pl.paper_experiment()
+    >>> from pegpose_lab.paper import paper_experiment
+    >>> views = paper_experiment()
     >>> points = [views.camera.project(views.board.object_points, pose) for pose in views.cam_from_boards]
     >>> found = pl.calibrate_joint([views.board.object_points] * 5, points, views.camera.sensor)
     >>> parameter_table(found)["parameter"].tolist()
-    ['focal_length', 'kappa1', 'c_x', 'c_y']
+    ['focal_length', 'scale_x', 'kappa1', 'c_x', 'c_y']
     """
     values, rows = calibration.camera.parameters, []
     for name, value in values.items():
