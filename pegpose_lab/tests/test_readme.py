@@ -52,6 +52,12 @@ def test_the_first_page_is_short_and_shows_the_committed_results():
     assert front_page.is_current(PROJECT_FOLDER / "README.md", PROJECT_FOLDER / "data" / "results")
 
 
+def test_the_audit_finds_what_the_first_finding_says():
+    audit = pd.read_csv(PROJECT_FOLDER / "data" / "results" / "08_audit.csv").set_index("item")["what is determined"]
+    assert audit[["Lens, distance, scale", "Table 2, tilt"]].str.startswith("determined").all()
+    assert "lens, distance, scale and resolution, and the tilts of Tables 1 and 2 (08)" in README
+
+
 def test_a_changed_result_outdates_the_first_page(tmp_path):
     results, readme = tmp_path / "results", tmp_path / "README.md"
     shutil.copytree(PROJECT_FOLDER / "data" / "results", results)
