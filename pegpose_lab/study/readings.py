@@ -15,6 +15,8 @@ from ..checks import as_number
 from ..pose import line_angle, line_angle_printed
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
     from ..calibration import Calibration
@@ -191,26 +193,33 @@ class AngleReadings(NamedTuple):
     vertical_by_slopes: bool
 
 
+def _angle_or_nan(found: Callable[[ArrayLike, ArrayLike], float], point: ArrayLike) -> float:
+    """Angle of the line from the origin to `point`, rad; NaN where the equation has no value."""
+    try:
+        return found(point, (0.0, 0.0))
+    except ValueError:
+        return np.nan
+
+
 def eq11_readings() -> AngleReadings:
     r"""Return for how many whole degrees of a turn either reading of Eq. 11 gives the angle.
 
     .. math:: \tan\theta = \frac{m_1 - m_2}{1 + m_1 m_2} \tag{11}
 
+    A vertical line has no slope, so both of its directions count as not found by slopes.
+
     Examples
     --------
     >>> eq11_readings()
-    AngleReadings(slopes=181, two_arguments=360, angles=360, vertical_by_slopes=False)
+    AngleReadings(slopes=179, two_arguments=360, angles=360, vertical_by_slopes=False)
     """
     truth = np.deg2rad(np.arange(-179, 181))
     points = np.column_stack([np.cos(truth), np.sin(truth)])
-    slopes, both = ([found(point, (0, 0)) for point in points] for found in (line_angle_printed, line_angle))
-    try:
-        line_angle_printed((0.0, 1.0), (0.0, 0.0))
-        vertical = True
-    except ValueError:
-        vertical = False
+    points[np.abs(points) < 1e-12] = 0.0  # cos(90 deg) is 6e-17 in floating point: lines that are vertical, made so
+    slopes, both = ([_angle_or_nan(found, point) for point in points] for found in (line_angle_printed, line_angle))
+    vertical = not np.isnan(slopes)[points[:, 0] == 0].any()
     correct = [int(np.count_nonzero(np.abs(angles - truth) < 1e-9)) for angles in (slopes, both)]
-    return AngleReadings(*correct, len(truth), vertical)
+    return AngleReadings(*correct, len(truth), bool(vertical))
 
 
 class LabelReadings(NamedTuple):
