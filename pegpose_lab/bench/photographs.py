@@ -74,7 +74,7 @@ def count_by_methods() -> pd.DataFrame:
         known = sum(len(places) for *_, places in pictures)
         counts = {method: _count(pictures, run) for method, run in methods.items()}
         tuned = [_count(pictures, _hough_with(votes)) for votes in VOTES]
-        counts["HoughCircles, best for the set"] = max(tuned, key=lambda count: count[0] - count[1])
+        counts["HoughCircles, OpenCV's defaults, best votes"] = max(tuned, key=lambda count: count[0] - count[1])
         rows += [(name, method, len(pictures), known, *count) for method, count in counts.items()]
     return pd.DataFrame(rows, columns=["dataset", "method", "pictures", "known", "found", "false"])
 

@@ -1,7 +1,7 @@
 """Are the stated sigmas of discs honest on photographs?  Residuals over sigma against a joint model of each sheet.
 
-Three sheets of discs whose places are known to follow one model: a board of large discs seen by one camera, for
-which camera, poses and the discs' places are adjusted together (`board_residuals`), and two
+A board and two sheets of discs whose places are known to follow one model: a board of large discs seen by one camera,
+for which camera, poses and the discs' places are adjusted together (`board_residuals`), and two
 sheets of many dots, whose image is a smooth function of the place on the sheet: the perspective of a plane times a
 polynomial of third degree, which takes up lens and bend.
 """

@@ -35,7 +35,7 @@ def test_the_best_threshold_of_votes_is_chosen_for_the_set(monkeypatch):
     counts = {10: (2, 5), 15: (2, 1), 20: (1, 0), 30: (2, 0)}
     monkeypatch.setattr(photographs, "_count", lambda _, method: counts.get(method.options.get("votes"), (0, 0)))
     table = photographs.count_by_methods().set_index("method")
-    assert table.loc["HoughCircles, best for the set", ["found", "false"]].tolist() == [2, 0]
+    assert table.loc["HoughCircles, OpenCV's defaults, best votes", ["found", "false"]].tolist() == [2, 0]
 
 
 def test_the_stored_counts_are_those_of_find_circles():
