@@ -1,7 +1,7 @@
 """The paper's experiment (Sect. 4) on the paper camera: 5 boards and 45 hub frames, with their truth.
 
-The camera is the consistent reading of what is printed.  Table 2 gives 0.207 mm per pixel; with Table 1's
-f = 47.95 mm and T_z = 267.38 mm that is a pixel pitch of 0.207 f / T_z = 0.0371 mm; kappa1 is read in mm^-2
+The camera is made from Table 1's second row and the scale of Table 2: 0.207 mm per pixel with f = 47.95 mm and
+T_z = 267.38 mm is a pixel pitch of 0.207 f / T_z = 0.0371 mm; kappa1 is read in mm^-2
 on the sensor.  What is not printed (the other four boards, how far the hub turns and shifts in each frame, its
 height, grey values, blur and noise) is chosen here, once, and stated.
 """
