@@ -148,9 +148,10 @@ def power_mutation(
         q' = \begin{cases} q - s (q - q_{min}) & u < r \\ q + s (q_{max} - q) & u \ge r \end{cases}
         \qquad u = \frac{q - q_{min}}{q_{max} - q_{min}}
 
-    with r and s_r uniform between 0 and 1.  ``"corrected"`` takes :math:`s = s_r^p`: for p > 1 most steps are
-    small, and no step leaves the box.  ``"printed"`` subtracts in both branches and takes
-    :math:`s = p\, s_r^{p-1}`, which is the density of the power distribution and not a sample from it.  Its steps are
+    with r and s_r uniform between 0 and 1.  ``"corrected"`` takes :math:`s = s_r^p`, the distribution function of the
+    power distribution at s_r, as Deep and Thakur do: for p > 1 most steps are small, and no step leaves the box.  (As a
+    random number this s has a power distribution of index 1/p; one of index p would be :math:`s_r^{1/p}`.)
+    ``"printed"`` subtracts in both branches and takes :math:`s = p\, s_r^{p-1}`, the density at s_r.  Its steps are
     up to p times the distance to the bound, or leave the box on the other side.
 
     Parameters
@@ -161,7 +162,7 @@ def power_mutation(
         Bounds of the genes.
     rng : Generator
     index : float
-        p > 0, the index of the distribution.
+        p > 0, the exponent of the distribution function.
     rate : float
         Probability that a gene mutates.
     form : {"corrected", "printed"}

@@ -204,8 +204,8 @@ def plot_success(
 
 
 def plot_success_of_view(ax: Axes, counts: pd.Series, rivals: Mapping[str, int], seeds: int) -> None:
-    """Draw `plot_success` for one view: `counts` by (genes, as printed) with eight rows, and those of other methods."""
-    names = [_named(*row) for row in counts.index] + list(rivals)
+    """Draw `plot_success` for one view: `counts` by (genes, as printed), eight rows, and of rivals that search (f, T_z)."""
+    names = [_named(*row) for row in counts.index] + [f"(f, $T_z$): {name}" for name in rivals]
     each = {"Eqs. 4, 9, 10": PRINTED, "none": CORRECTED}
     colors = [each.get(name, "0.65") for _, name in counts.index][:-1] + [DEFAULT] + [SERIES[2]] * len(rivals)
     plot_success(ax, names, {"": (np.array([*counts, *rivals.values()]), seeds)}, {"": colors})

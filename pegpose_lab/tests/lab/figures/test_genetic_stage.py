@@ -73,6 +73,7 @@ def test_every_variant_has_its_bars(axes):
     assert axes[0].get_yticklabels()[2].get_text() == "(f, $T_z$): Eq. 4 printed"
     counts = pd.Series([1, 2], pd.MultiIndex.from_product([["(m, T_z)"], ["Eq. 4", "none"]]))
     genetic_stage.plot_success_of_view(axes[1], counts, {"another": 3}, 4)
+    assert axes[1].get_yticklabels()[-1].get_text() == "(f, $T_z$): another"
     assert [bar.get_width() for bar in axes[1].containers[1]] == [25, 50, 75]
 
 
