@@ -13,7 +13,7 @@ from ...calibration import calibrate_zhang
 from ...corners import find_corners
 from .. import plotting
 from ..style import COLORS
-from .drawing import _bgr
+from .drawing import DPI, _bgr
 from .explorer import SHOWN_WIDTH, Explorer, _look, _slider
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from ...paper import Experiment
 
 HEIGHT = 330  # px, height of the image
-DPI = plotting.STYLE["figure.dpi"]
 UNIT = 0.1  # px per axis: the residuals are computed for this noise, and grow with it in proportion
 SIMULATED, DETECTORS = "simulated normal noise", ("find_corners", "cornerSubPix", "whole pixels")
 METHODS = {"stages 1 + 2": ("genetic", -0.15), "Zhang": ("zhang", 0.15)}  # colour, place beside the row

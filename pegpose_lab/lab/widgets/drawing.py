@@ -4,8 +4,27 @@ import cv2
 import numpy as np
 from matplotlib.colors import to_rgb
 
+from .. import plotting
 from ..image_plots import white_level
 from .explorer import FONT, SHOWN_WIDTH
+
+DPI = plotting.STYLE["figure.dpi"]
+
+
+def _chart(height):
+    """Figure and axes of an explorer's size with fixed margins: fitting them to the text takes most of the drawing's time."""
+    fig, ax = plotting.figure(SHOWN_WIDTH / DPI, height / DPI, layout="none")
+    fig.subplots_adjust(left=0.09, right=0.98, bottom=50 / height, top=1 - 50 / height)
+    return fig, ax
+
+
+def _charted(fig, height):
+    """The finished figure as a picture in OpenCV's order of colours; it is closed, or a notebook would show it again."""
+    fig.canvas.draw()
+    picture = np.ascontiguousarray(np.asarray(fig.canvas.buffer_rgba())[:height, :SHOWN_WIDTH, 2::-1])
+    plotting.plt.close(fig)
+    return picture
+
 
 # ---- x px in the full image is scale * (x + 0.5) - 0.5 px in the shown one; the same holds for y ----
 

@@ -9,10 +9,10 @@ import ipywidgets
 import numpy as np
 
 from ...calibration import TwoStageObjective, calibrate_tsai
-from .. import plotting
 from ..style import COLORS
-from .explorer import SHOWN_WIDTH, Explorer, _slider
-from .intervals import DPI, HEIGHT, _blank
+from .drawing import _chart, _charted
+from .explorer import Explorer, _slider
+from .intervals import HEIGHT, _blank
 
 if TYPE_CHECKING:
     from ...paper import Experiment
@@ -69,7 +69,7 @@ def equation6_explorer(experiment: Experiment) -> Explorer:
 
 def _drawn(depths, curves, true):
     """The objectives over T_z as an image."""
-    fig, ax = plotting.figure(SHOWN_WIDTH / DPI, HEIGHT / DPI)
+    fig, ax = _chart(HEIGHT)
     for (kind, values), (color, label) in zip(
         curves.items(),
         (("paper", "one k1 for each point (Eq. 6 as printed)"), ("genetic", "one k1 for all points")),
@@ -79,7 +79,4 @@ def _drawn(depths, curves, true):
     ax.axvline(true, color=COLORS["truth"], linewidth=1.0, label="true T_z")
     ax.set(xlabel="T_z (mm)", ylabel="E, Eq. 7 (px)", ylim=(1e-3, 30))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.22), ncols=2, fontsize=9)
-    fig.canvas.draw()
-    image = np.ascontiguousarray(np.asarray(fig.canvas.buffer_rgba())[:HEIGHT, :SHOWN_WIDTH, 2::-1])
-    plotting.plt.close(fig)
-    return image
+    return _charted(fig, HEIGHT)

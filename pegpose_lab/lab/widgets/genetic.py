@@ -13,7 +13,7 @@ from matplotlib import colormaps
 from ...calibration import PENALTY, minimize_genetic
 from .. import plotting
 from ..style import COLORS
-from .drawing import _bgr
+from .drawing import DPI, _bgr
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 HEIGHT = 480  # px, height of the image
-DPI = plotting.STYLE["figure.dpi"]
 
 
 def genetic_explorer(

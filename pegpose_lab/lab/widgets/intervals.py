@@ -11,17 +11,16 @@ import numpy as np
 
 from ... import study
 from ...calibration import calibrate_joint
-from .. import plotting
 from ..style import COLORS
+from .drawing import _chart, _charted
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
 if TYPE_CHECKING:
     from ...paper import Experiment
 
 HEIGHT = 360  # px, height of the image
-DPI = plotting.STYLE["figure.dpi"]
 VIEWS, DRAWS, NOISE = 8, 8, 0.1  # boards, draws of the noise, px per axis
-REACH = 0.6  # mm shown on either side of the true f, doubled until all intervals are seen
+REACH = 0.15  # mm shown on either side of the true f, doubled until all intervals are seen
 
 
 def interval_explorer(experiment: Experiment) -> Explorer:
@@ -85,7 +84,7 @@ def _blank():
 
 def _drawn(stated, true, classical=None):
     """The intervals (n, 2) as an image; with the classical ones within, if they are given."""
-    fig, ax = plotting.figure(SHOWN_WIDTH / DPI, HEIGHT / DPI)
+    fig, ax = _chart(HEIGHT)
     rows = np.arange(len(stated))
     ax.hlines(rows, *stated.T, color=COLORS["joint"], linewidth=6, alpha=0.4, label="95 %, stated")
     if classical is not None:
@@ -95,7 +94,4 @@ def _drawn(stated, true, classical=None):
     reach = REACH * 2.0 ** np.ceil(np.log2(max(np.abs(stated - true).max() / REACH, 1.0)))
     ax.set(xlabel="focal length f (mm)", ylabel="draw of the noise", yticks=rows, xlim=(true - reach, true + reach))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.16), ncols=3, fontsize=9)
-    fig.canvas.draw()
-    image = np.ascontiguousarray(np.asarray(fig.canvas.buffer_rgba())[:HEIGHT, :SHOWN_WIDTH, 2::-1])
-    plotting.plt.close(fig)  # otherwise a notebook would show it below the explorer
-    return image
+    return _charted(fig, HEIGHT)

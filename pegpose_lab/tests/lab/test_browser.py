@@ -111,7 +111,11 @@ def _wait_for(url, process, log):
 
 
 def _open(browser, server, name):
-    """A page with a notebook whose kernel is idle."""
+    """A page with a notebook whose kernel is idle; the kernels of earlier ones are ended."""
+    with urllib.request.urlopen(f"{server}/api/sessions") as answer:
+        for session in json.load(answer):
+            request = urllib.request.Request(f"{server}/api/sessions/{session['id']}", method="DELETE")
+            urllib.request.urlopen(request).close()
     page = browser.new_page(viewport={"width": 1300, "height": 1000})
     page.goto(f"{server}/lab/tree/notebooks/{name}.ipynb?reset")
     page.wait_for_selector(".jp-Notebook-cell", timeout=READY)
