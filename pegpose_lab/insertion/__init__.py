@@ -9,7 +9,7 @@ from .causes import RP_OF_SIGMA
 from .contact import Contacts, can_wedge, jamming_load, two_point_contacts, wedging_depth
 from .entry import Entry, peg_entry
 from .forecast import AssemblyForecast, assembly_forecast
-from .wheel import Wheel
+from .wheel import Wheel, as_pair
 
 __all__ = [
     "RP_OF_SIGMA",
@@ -17,6 +17,7 @@ __all__ = [
     "Contacts",
     "Entry",
     "Wheel",
+    "as_pair",
     "assembly_forecast",
     "can_wedge",
     "jamming_load",

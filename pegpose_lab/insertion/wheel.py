@@ -80,6 +80,11 @@ def as_pair(hub: Hub, wheel: Wheel) -> None:
     ------
     ValueError
         If the numbers of pegs and holes differ, the pegs have no height, or the holes overlap.
+
+    Examples
+    --------
+    >>> import pegpose_lab as pl
+    >>> as_pair(pl.Hub(n_pegs=4), Wheel(n_holes=4))
     """
     if wheel.n_holes != hub.n_pegs:
         raise ValueError(f"wheel has {wheel.n_holes} holes and hub {hub.n_pegs} pegs; expected as many")

@@ -110,20 +110,20 @@ class Description:
         for name in ("boards", "frames", "lens", "camera", "plane"):
             if name in values and not isinstance(values[name], str):
                 raise ValueError(f"{name} is {values[name]!r}; expected a text")
-        for name, other in (("plane", "camera"), ("coefficients", "equidistant"), ("robot_repeatability", "no wheel")):
-            without = {
-                "camera": "camera" in values,
-                "equidistant": values.get("lens") == "equidistant",
-                "no wheel": "wheel" not in values,
-            }
-            if name in values and without[other]:
+        meaningless = {
+            "plane": ("camera", "camera" in values),
+            "coefficients": ("equidistant", values.get("lens") == "equidistant"),
+            "robot_repeatability": ("no wheel", "wheel" not in values),
+        }
+        for name, (other, given) in meaningless.items():
+            if name in values and given:
                 raise ValueError(f"{name} has no meaning with {other}: leave it out")
-        made = dict(values)
+        made = {name: value for name, value in values.items() if name != "ring"}
         made["board"] = board_of(values["board"]) if "board" in values else None
         for name, make in (("part", part_of), ("ring", ring_of)):
-            if made.pop(name, None) is not None:
+            if name in values:
                 made["part"] = make(values[name])
-        if values.get("wheel") is not None:
+        if "wheel" in values:
             made["wheel"] = wheel_of(values["wheel"], made.get("part"))
         if values.get("radius_range") is not None:
             made["radius_range"] = radii_of(values["radius_range"])

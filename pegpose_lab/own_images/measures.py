@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import as_number
-from ..insertion import Wheel
+from ..insertion import Wheel, as_pair
 from ..patterns import RingPattern
 from ..targets import Checkerboard, Hub
 
@@ -65,8 +65,7 @@ def wheel_of(values: Any, part: Hub | RingPattern | None) -> Wheel:
         )
     fits = {"n_holes": part.n_pegs, "pitch_circle_diameter": part.pitch_circle_diameter}
     wheel = _made(Wheel, fits | values if isinstance(values, dict) else values, "wheel")
-    if wheel.n_holes != part.n_pegs:
-        raise ValueError(f"wheel has {wheel.n_holes} holes and the part {part.n_pegs} pegs")
+    as_pair(part, wheel)
     return wheel
 
 

@@ -11,12 +11,11 @@ from .circle_counts import match_circles, pictures_of_discs, write_circle_counts
 from .datasets import dataset
 from .disc_pulls import write_disc_pulls
 from .distances import GIVEN, count_below, printed_ratio, rayleigh_counts, write_two_stage_counts
-from .error_definitions import DEFINITIONS, errors_by_definition
-from .error_numbers import error_numbers, single_views_left_out
+from .error_definitions import DEFINITIONS, error_numbers, errors_by_definition
 from .flat_discs import flat_discs
 from .focal_intervals import focal_interval
 from .ga_success import REACHED, VARIANTS, success_shares, trial_sets, write_success
-from .held_out import coverage, held_out_distances, leave_one_out, radial_profile
+from .held_out import coverage, held_out_distances, leave_one_out, radial_profile, single_views_left_out
 from .honest_intervals import correlated_noise, correlated_trials, interval_coverage, write_split_halves
 from .insertion_rates import AXES, CELLS, curve_table, interval_table, rate_table, run_trials, write_assemblies
 from .linear_trials import noisy_solutions, tilt_trials

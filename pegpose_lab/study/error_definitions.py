@@ -50,3 +50,21 @@ def errors_by_definition(residuals: Sequence[ArrayLike], n_parameters: int | Non
     values = [np.hypot(*e.T).mean(), rms, *e.std(axis=0, ddof=1), rms / np.sqrt(n)]
     sigma = np.nan if n_parameters is None else np.sqrt(squared / (2 * n - n_parameters))
     return {name: float(value) for name, value in zip((*DEFINITIONS, "sigma"), [*values, sigma], strict=True)}
+
+
+def error_numbers(residuals: Sequence[ArrayLike]) -> dict[str, float]:
+    r"""Return the four numbers that are called the error of residuals [(n, 2), ...], px.
+
+    "Eq. 7": mean distance.  "rms": root of the mean squared distance (OpenCV's `calibrateCamera`).  "sd per axis":
+    standard deviation of all coordinates (MATLAB toolbox).  "norm / n": :math:`\lVert e\rVert / n`, which is the rms
+    over :math:`\sqrt n` (OpenCV's tutorial).
+
+    Examples
+    --------
+    >>> {name: round(number, 3) for name, number in error_numbers([[[3.0, 4.0]], [[-3.0, -4.0]]]).items()}
+    {'Eq. 7': 5.0, 'rms': 5.0, 'sd per axis': 4.082, 'norm / n': 3.536}
+    """
+    by_definition = errors_by_definition(residuals)
+    mean, rms, norm = (by_definition[DEFINITIONS[k]] for k in (0, 1, 4))
+    spread = np.concatenate([np.asarray(view, np.float64) for view in residuals]).std(ddof=1)
+    return {"Eq. 7": mean, "rms": rms, "sd per axis": float(spread), "norm / n": norm}

@@ -56,8 +56,46 @@ def held_out_distances(
     >>> study.held_out_distances(truth.camera, board, truth.camera.project(board, first)).max().round(4) + 0
     np.float64(0.0)
     """
-    pose = board_pose(object_points, image_points, camera)
-    return np.hypot(*(camera.project(object_points, pose) - image_points).T)
+    return np.hypot(*_residuals(camera, object_points, image_points).T)
+
+
+def _residuals(camera, object_points, image_points):
+    """Projected minus measured points (n, 2), px, of a view whose pose alone is fitted."""
+    return camera.project(object_points, board_pose(object_points, image_points, camera)) - image_points
+
+
+def single_views_left_out(
+    calibrations: Sequence[Calibration], object_points: ArrayLike, image_points: Sequence[ArrayLike]
+) -> list[NDArray[np.float64]]:
+    """Return the residuals (n, 2) of every view through the camera of each *other* view, its pose fitted, px.
+
+    Parameters
+    ----------
+    calibrations : (m,) sequence of Calibration
+        One a view, of that view alone.
+    object_points : (n, 3) array_like
+        mm, the same in every view.
+    image_points : (m,) sequence of (n, 2) array_like
+        px.
+
+    Returns
+    -------
+    list of m (m - 1) arrays
+
+    Examples
+    --------
+    >>> from types import SimpleNamespace
+    >>> from pegpose_lab import paper
+    >>> truth = paper.paper_experiment()
+    >>> board = truth.board.object_points
+    >>> views = [truth.camera.project(board, pose) for pose in truth.cam_from_boards[:2]]
+    >>> residuals = single_views_left_out([SimpleNamespace(camera=truth.camera)] * 2, board, views)
+    >>> len(residuals), bool(max(np.abs(r).max() for r in residuals) < 1e-6)
+    (2, True)
+    """
+    cameras = [calibration.camera for calibration in calibrations]
+    pairs = [(c, view) for k, c in enumerate(cameras) for j, view in enumerate(image_points) if j != k]
+    return [_residuals(c, object_points, view) for c, view in pairs]
 
 
 def leave_one_out(

@@ -13,7 +13,7 @@ from ...calibration import calibrate_zhang
 from ...corners import find_corners
 from .. import plotting
 from ..style import COLORS
-from .drawing import DPI, _bgr
+from .drawing import DPI, _bgr, _charted
 from .explorer import SHOWN_WIDTH, Explorer, _look, _slider
 
 if TYPE_CHECKING:
@@ -120,9 +120,7 @@ class _Chart:
             self.ax.annotate(text, (number, 1.01), **place)
         self.ax.set_xlim(*LIMITS)
         fig.legend(*self.ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=9)
-        fig.canvas.draw()
-        self.background = np.ascontiguousarray(np.asarray(fig.canvas.buffer_rgba())[:HEIGHT, :SHOWN_WIDTH, 2::-1])
-        plotting.plt.close(fig)  # otherwise a notebook would show it below the explorer
+        self.background = _charted(fig, HEIGHT)
 
     def draw(self, picture: NDArray[np.uint8], errors: dict) -> None:
         """Draw a dot for each error."""

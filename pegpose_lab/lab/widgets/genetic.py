@@ -13,7 +13,7 @@ from matplotlib import colormaps
 from ...calibration import PENALTY, minimize_genetic
 from .. import plotting
 from ..style import COLORS
-from .drawing import DPI, _bgr
+from .drawing import DPI, _bgr, _charted
 from .explorer import SHOWN_WIDTH, Explorer, _slider
 
 if TYPE_CHECKING:
@@ -95,9 +95,7 @@ class _Valley:
         self.ax.set(xlabel="focal length f (mm)", ylabel="$T_z$ (mm)")
         look = {"cmap": colormaps["cividis"].with_extremes(bad="0.9"), "aspect": "auto", "interpolation": "bilinear"}
         self.ax.imshow(self._heights(objective), extent=(*self.f, *self.t_z), origin="lower", **look)
-        fig.canvas.draw()
-        self.background = np.ascontiguousarray(np.asarray(fig.canvas.buffer_rgba())[:, :, 2::-1])
-        plotting.plt.close(fig)  # otherwise a notebook would show it below the explorer
+        self.background = _charted(fig, HEIGHT)
 
     def _heights(self, objective, columns=175, rows=105):
         """log10 of the objective on a grid, masked where a point of the view has no image."""
